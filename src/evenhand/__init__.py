@@ -1,0 +1,33 @@
+"""Evenhand: software for robots that serve people evenly."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "Detector": "evenhand.detector",
+    "InputError": "evenhand.errors",
+    "Interactions": "evenhand.interactions",
+    "RestaurantEnv": "evenhand.restaurant.env",
+    "RestaurantVectorEnv": "evenhand.restaurant.vector",
+    "ScriptedRobot": "evenhand.robots",
+    "Thresholds": "evenhand.issues",
+    "TrainSettings": "evenhand.learn.train",
+    "load_detector": "evenhand.detector_io",
+    "paper_issues": "evenhand.issues",
+    "score": "evenhand.issues",
+    "train": "evenhand.learn.train",
+}
+"""Public name -> where it lives; imported when first asked for, so that `import evenhand` is light."""
+
+__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604 - the names are resolved by __getattr__
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'evenhand' has no attribute {name!r}")
+    module = importlib.import_module(_PUBLIC[name])
+    return getattr(module, "load" if name == "load_detector" else name)

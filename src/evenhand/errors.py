@@ -1,0 +1,34 @@
+"""What is said to a user whose input cannot be used: one sentence, no traceback."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class InputError(ValueError):
+    """Wrong input from outside: what is wrong, where, and what to do.
+
+    The command line prints it as one sentence and ends with exit code 2. Anything else that
+    is raised is a defect of Evenhand and keeps its traceback.
+    """
+
+
+def nearest(name: str, choices: Iterable[str]) -> str | None:
+    """The choice most like ``name``, or None when nothing comes close."""
+    found = difflib.get_close_matches(name.lower(), list(choices), n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def unknown(kind: str, name: str, choices: Iterable[str]) -> InputError:
+    """An error for a name that does not exist, with the nearest one that does.
+
+    Args:
+        kind: what was named, for instance "population".
+        name: what was given.
+        choices: the names that exist.
+    """
+    names = list(choices)
+    guess = nearest(name, names)
+    hint = f"did you mean {guess!r}? " if guess else ""
+    return InputError(f"unknown {kind} {name!r}: {hint}choose one of {', '.join(names)}")

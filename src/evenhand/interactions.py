@@ -1,0 +1,271 @@
+"""Interactions: one row a service, raw facts only. The currency between world and judgement.
+
+Two kinds of columns: identities (any number, named, categorical) and facts. Columns that a log
+lacks are absent; cells that a row lacks are null. Issues are never stored, they are derived.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pacsv
+import pyarrow.parquet as pq
+
+from evenhand.errors import InputError, unknown
+
+FACTS: dict[str, pa.DataType] = {
+    "epoch": pa.int32(),
+    "service": pa.int64(),
+    "scenario": pa.string(),
+    "robot": pa.string(),
+    "responded": pa.bool_(),
+    "response_step": pa.int32(),
+    "response_distance": pa.float64(),
+    "min_distance": pa.float64(),
+    "steps": pa.int32(),
+    "start_distance": pa.float64(),
+    "path_length": pa.float64(),
+    "contact_steps": pa.int32(),
+    "sensed_error": pa.float64(),
+}
+"""Facts and their types; distances in metres, times in physics steps of 0.02 s."""
+
+_IDENTITIES_KEY = b"evenhand.identities"
+
+
+class Interactions:
+    """An immutable table of services.
+
+    Build one with :meth:`build`, :meth:`from_arrow`, :meth:`read_parquet` or :meth:`read_csv`.
+    """
+
+    __slots__ = ("_identities", "_table")
+
+    def __init__(self, table: pa.Table, identities: Sequence[str]) -> None:
+        """Wrap a table whose columns are checked.
+
+        Args:
+            table: identity columns of dictionary type and fact columns of ``FACTS``.
+            identities: names of the identity columns.
+
+        Raises:
+            InputError: for a missing, unknown, or wrongly typed column.
+        """
+        for name in identities:
+            if name in FACTS:
+                raise InputError(f"identity {name!r} has the name of a fact: rename the column")
+            if name not in table.column_names:
+                raise InputError(f"no column {name!r}: the identities named are {list(identities)}")
+            if not pa.types.is_dictionary(table.schema.field(name).type):
+                raise InputError(f"identity column {name!r} is not categorical")
+        for field in table.schema:
+            if field.name in identities:
+                continue
+            if field.name not in FACTS:
+                raise unknown("fact", field.name, FACTS)
+            if field.type != FACTS[field.name]:
+                raise InputError(
+                    f"column {field.name!r} holds {field.type}, expected {FACTS[field.name]}"
+                )
+        self._table = table
+        self._identities = tuple(identities)
+
+    @classmethod
+    def build(
+        cls,
+        identities: Mapping[str, tuple[np.ndarray, Sequence[str]]],
+        facts: Mapping[str, Any],
+    ) -> Interactions:
+        """Make interactions from arrays.
+
+        Args:
+            identities: name -> (codes int [n], categories); a code of -1 stands for a missing
+                value and becomes null.
+            facts: name -> values [n]; masked entries and None become null.
+
+        Raises:
+            InputError: for codes out of range, unknown facts, or columns of unequal length.
+        """
+        columns: dict[str, pa.Array] = {}
+        for name, (codes, categories) in identities.items():
+            codes = np.asarray(codes)
+            if codes.size and (codes.min() < -1 or codes.max() >= len(categories)):
+                raise InputError(f"identity {name!r}: codes must lie in -1..{len(categories) - 1}")
+            index = pa.array(codes.astype(np.int32), mask=codes < 0)
+            columns[name] = pa.DictionaryArray.from_arrays(index, pa.array(list(categories)))
+        for name, values in facts.items():
+            if name not in FACTS:
+                raise unknown("fact", name, FACTS)
+            columns[name] = _column(values, FACTS[name])
+        lengths = {name: len(column) for name, column in columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise InputError(f"columns are of unequal length: {lengths}")
+        return cls(pa.table(columns), tuple(identities))
+
+    @classmethod
+    def from_arrow(cls, table: pa.Table, identities: Sequence[str] | None = None) -> Interactions:
+        """Take an Arrow table; identities are named, or those noted by :meth:`to_arrow`.
+
+        Raises:
+            InputError: when it is not said which columns are identities, or a column is wrong.
+        """
+        if identities is None:
+            noted = (table.schema.metadata or {}).get(_IDENTITIES_KEY)
+            if noted is None:
+                raise InputError("it is not said which columns are identities: name them")
+            identities = noted.decode().split("\x1f") if noted else []
+        columns = {}
+        for name in table.column_names:
+            column = table[name].combine_chunks()
+            if name in identities:
+                if not pa.types.is_dictionary(column.type):
+                    column = column.cast(pa.string()).dictionary_encode()
+                columns[name] = column
+            else:
+                if name not in FACTS:
+                    raise unknown("fact", name, FACTS)
+                try:
+                    columns[name] = column.cast(FACTS[name])
+                except pa.ArrowInvalid as error:
+                    raise InputError(f"column {name!r}: {error}") from error
+        return cls(pa.table(columns), identities)
+
+    def to_arrow(self) -> pa.Table:
+        """The Arrow table, with a note of which columns are identities."""
+        return self._table.replace_schema_metadata(
+            {_IDENTITIES_KEY: "\x1f".join(self._identities).encode()}
+        )
+
+    @classmethod
+    def read_parquet(cls, path: str | os.PathLike[str]) -> Interactions:
+        """Read what :meth:`write_parquet` wrote.
+
+        Raises:
+            InputError: when the file is missing, cut off, or not of interactions.
+        """
+        try:
+            table = pq.read_table(path)
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(f"{path} cannot be read as Parquet: {error}") from error
+        return cls.from_arrow(table)
+
+    def write_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write Parquet aside and rename it, so that no half file is ever seen."""
+        aside = Path(f"{path}.part")
+        pq.write_table(self.to_arrow(), aside)
+        os.replace(aside, path)
+
+    @classmethod
+    def read_csv(cls, path: str | os.PathLike[str], identities: Sequence[str]) -> Interactions:
+        """Read a CSV file with a header; an empty cell is null.
+
+        Raises:
+            InputError: when the file cannot be read or a column has the wrong type.
+        """
+        kinds: dict[str, pa.DataType] = dict(FACTS) | {name: pa.string() for name in identities}
+        options = pacsv.ConvertOptions(
+            column_types=kinds, null_values=[""], strings_can_be_null=True
+        )
+        try:
+            table = pacsv.read_csv(path, convert_options=options)
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(f"{path} cannot be read as CSV: {error}") from error
+        return cls.from_arrow(table, identities)
+
+    def write_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write CSV aside and rename it."""
+        plain = pa.table(
+            {
+                name: column.cast(pa.string()) if name in self._identities else column
+                for name, column in zip(self.column_names, self._table.columns, strict=True)
+            }
+        )
+        aside = Path(f"{path}.part")
+        pacsv.write_csv(plain, aside)
+        os.replace(aside, path)
+
+    @property
+    def identities(self) -> tuple[str, ...]:
+        """Names of the identity columns."""
+        return self._identities
+
+    @property
+    def column_names(self) -> list[str]:
+        """Names of all columns."""
+        return self._table.column_names
+
+    def __len__(self) -> int:
+        return self._table.num_rows
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._table.column_names
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Interactions)
+            and self._identities == other._identities
+            and self._table.equals(other._table)
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def fact(self, name: str) -> np.ndarray:
+        """A fact as numbers: float64 [n] with NaN for null; text as objects with None.
+
+        Raises:
+            InputError: when the column is absent.
+        """
+        if name not in self._table.column_names or name in self._identities:
+            raise unknown("fact of this table", name, set(self.column_names) - {*self._identities})
+        column = self._table[name]
+        if pa.types.is_string(column.type):
+            return column.to_numpy()
+        return pc.cast(column, pa.float64()).to_numpy()
+
+    def identity(self, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
+        """Codes int64 [n] (-1 for missing) and categories of an identity.
+
+        Raises:
+            InputError: when there is no such identity.
+        """
+        if name not in self._identities:
+            raise unknown("identity", name, self._identities)
+        column = self._table[name].combine_chunks()
+        if isinstance(column, pa.ChunkedArray):
+            column = column.chunk(0) if column.num_chunks else column.type.index_type
+        codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int64)
+        return codes, tuple(column.dictionary.to_pylist())
+
+    def take(self, rows: np.ndarray) -> Interactions:
+        """The rows at these indices, or where this mask is true."""
+        rows = np.asarray(rows)
+        picked = self._table.filter(rows) if rows.dtype == bool else self._table.take(rows)
+        return Interactions(picked, self._identities)
+
+    @classmethod
+    def concat(cls, parts: Sequence[Interactions]) -> Interactions:
+        """One table after the other.
+
+        Raises:
+            InputError: for no part, or parts with other columns.
+        """
+        if not parts:
+            raise InputError("nothing to concatenate")
+        if any(part.column_names != parts[0].column_names for part in parts):
+            raise InputError("tables with other columns cannot be put together")
+        tables = pa.concat_tables([part._table for part in parts]).unify_dictionaries()
+        return cls(tables.combine_chunks(), parts[0].identities)
+
+
+def _column(values: Any, kind: pa.DataType) -> pa.Array:
+    if isinstance(values, np.ma.MaskedArray):
+        return pa.array(values.data, mask=np.ma.getmaskarray(values)).cast(kind)
+    if isinstance(values, np.ndarray):
+        return pa.array(np.ascontiguousarray(values)).cast(kind)
+    return pa.array(values, kind)

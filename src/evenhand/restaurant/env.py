@@ -1,0 +1,150 @@
+"""The restaurant as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+
+from evenhand.errors import InputError, unknown
+from evenhand.restaurant import layout, plan, task
+from evenhand.restaurant.episodes import Source, finished, observation_space, settings_from
+from evenhand.restaurant.lanes import Lanes
+
+
+class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
+    """A robot serves one person in a restaurant; an episode is a service.
+
+    Someone raises an arm 2.0-4.5 m away. The robot walks there, around tables and guests, and
+    responds. A service ends with the response, or after 300 physics steps (6 s) without one;
+    both are terminal, for the time is part of the state.
+
+    ### Action space
+
+    ``Discrete(2)``, taken every ``interval`` physics steps (0.1 s by default):
+
+    | action | meaning |
+    |---|---|
+    | 0 | walk: drive towards the person until the next decision, at up to 1.0 m/s |
+    | 1 | respond: end the service here and now |
+
+    ### Observation space
+
+    ``Box(25,)`` of float32; all in [0, 1], the distance in [0, 2]:
+
+    | index | meaning | unit |
+    |---|---|---|
+    | 0-5 | race: White, Black, American Indian, Asian, Native Hawaiian, Other | one-hot |
+    | 6-8 | gender: Female, Male, Other | one-hot |
+    | 9-13 | age: Child, Teenager, Adult, Middle Aged, Elder | one-hot |
+    | 14-15 | disability: Yes, No | one-hot |
+    | 16-21 | skin type: I to VI | one-hot |
+    | 22 | distance to the person as last sensed | 5 m |
+    | 23 | physics steps since the service began, from the timer | 300 |
+    | 24 | age of the last reading | 1 s |
+
+    ### Reward
+
+    Service quality only, at the end of the service: 0.2 for a response, up to 0.5 for its
+    distance (all of it at 1.0-1.5 m), up to 0.3 for its promptness (all of it within 200 steps),
+    -0.5 if the robot was ever nearer than 0.5 m. A perfect service earns 1. Fairness is no
+    property of one service and therefore no part of this reward.
+
+    ### Information
+
+    ``reset`` gives ``identities`` (codes of the five identities). The last step gives ``facts``:
+    the true facts of the service and every reward term by name; what a service without a
+    response lacks is NaN.
+
+    ### Arguments
+
+    Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self, render_mode: str | None = None, camera: str = "room", **settings: Any
+    ) -> None:
+        """Make the environment.
+
+        Args:
+            render_mode: None or "rgb_array".
+            camera: which camera ``render`` shows, see ``dressing.CAMERAS``.
+            **settings: of :class:`RestaurantSettings`.
+
+        Raises:
+            InputError: for an unknown setting, population, camera or render mode.
+        """
+        self.settings = settings_from(settings)
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise unknown("render mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self._camera = camera
+        self._screen: Any = None
+        self.metadata = {
+            **self.metadata,
+            "render_fps": round(1 / (plan.TIMESTEP * self.settings.interval)),
+        }
+        self.observation_space = observation_space()
+        self.action_space = gym.spaces.Discrete(2)
+        self._lanes = Lanes(1, task.TaskSettings(self.settings.interval))
+        self._source = Source(1, self.settings)
+        self._setup: layout.Setups | None = None
+        self._running = False
+        self._ids = np.zeros(1, np.int64)
+        if render_mode is not None:
+            from evenhand.restaurant.screen import Screen
+
+            self._screen = Screen(camera)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin the next service; a seed begins the sequence of services anew."""
+        super().reset(seed=seed)
+        if seed is not None:
+            self._source.forget(0)
+        setup, chances = self._source.take(self._ids, [self.np_random])
+        self._lanes.begin(self._ids, setup, chances)
+        self._setup, self._running = setup, True
+        return self._lanes.observe(self._ids)[0], {"identities": setup.asking[0]}
+
+    def step(
+        self, action: np.integer[Any] | int
+    ) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Walk until the next decision, or respond.
+
+        Raises:
+            InputError: for an action other than 0 and 1.
+            RuntimeError: when the service has ended and ``reset`` was not called.
+        """
+        if not self._running:
+            raise RuntimeError("the service has ended: call reset() before the next step()")
+        if not self.action_space.contains(action):
+            raise InputError(f"action is {action!r}: give 0 (walk) or 1 (respond)")
+        if action == task.RESPOND:
+            self._lanes.respond(self._ids)
+            ended = True
+        else:
+            ended = bool(self._lanes.walk(self._ids)[0])
+        observation = self._lanes.observe(self._ids)[0]
+        if not ended:
+            return observation, 0.0, False, False, {}
+        self._running = False
+        facts, reward = finished(self._lanes, self._ids)
+        plain = {name: value[0].item() for name, value in facts.items()}
+        return observation, float(reward[0]), True, False, {"facts": plain}
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The picture of one camera, uint8 [height, width, 3], or None without a render mode."""
+        if self._screen is None or self._setup is None:
+            return None
+        return self._screen.picture(self._lanes.world, 0, self._setup, 0)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None

@@ -1,0 +1,117 @@
+"""What both environments share: settings, where services come from, facts of finished ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from evenhand import people
+from evenhand.errors import unknown
+from evenhand.restaurant import layout, senses, task
+from evenhand.restaurant.lanes import Lanes
+
+_BLOCK = 32
+"""Set-ups that a lane draws at a time from its own generator."""
+
+
+@dataclass(frozen=True)
+class RestaurantSettings:
+    """What can be set of the environments.
+
+    Attributes:
+        population: where people are drawn from, one of ``people.POPULATIONS``.
+        interval: physics steps of 0.02 s from one decision to the next.
+        noise: standard deviation of a distance reading, metres.
+        dropout: probability that a reading fails, the same for every person.
+    """
+
+    population: str = "uniform"
+    interval: int = 5
+    noise: float = senses.SenseSettings.noise
+    dropout: float = senses.SenseSettings.dropout
+
+    def __post_init__(self) -> None:
+        people.population(self.population)
+        task.TaskSettings(self.interval)
+        senses.SenseSettings(self.noise, self.dropout)
+
+
+class Source:
+    """Set-ups and readings of each lane, drawn from a generator of its own."""
+
+    def __init__(self, n: int, settings: RestaurantSettings) -> None:
+        self._population = people.population(settings.population)
+        self._sense = senses.SenseSettings(settings.noise, settings.dropout)
+        self._readings = task.TaskSettings(settings.interval).decisions + 1
+        self._blocks: list[tuple[layout.Setups, senses.Chances] | None] = [None] * n
+        self._next = np.full(n, _BLOCK)
+
+    def forget(self, lane: int) -> None:
+        """Drop what was drawn for a lane, which has been given a new seed."""
+        self._next[lane] = _BLOCK
+
+    def take(
+        self, ids: np.ndarray, rngs: list[np.random.Generator]
+    ) -> tuple[layout.Setups, senses.Chances]:
+        """The next service of each of these lanes."""
+        rows = []
+        for lane in ids:
+            if self._next[lane] == _BLOCK:
+                rng = rngs[lane]
+                self._blocks[lane] = (
+                    layout.draw(self._population, _BLOCK, rng),
+                    senses.draw(self._sense, _BLOCK, self._readings, rng),
+                )
+                self._next[lane] = 0
+            block = self._blocks[lane]
+            assert block is not None
+            rows.append((block, self._next[lane]))
+            self._next[lane] += 1
+        setups = layout.Setups(
+            **{
+                f.name: np.stack([getattr(block[0], f.name)[at] for block, at in rows])
+                for f in fields(layout.Setups)
+            }
+        )
+        chances = senses.Chances(
+            np.stack([block[1].noise[at] for block, at in rows]),
+            np.stack([block[1].fails[at] for block, at in rows]),
+        )
+        return setups, chances
+
+
+def observation_space() -> gym.spaces.Box:
+    high = np.ones(task.OBSERVATION_SIZE, np.float32)
+    high[task.N_GROUPS] = task.DISTANCE_LIMIT
+    return gym.spaces.Box(np.zeros_like(high), high, dtype=np.float32)
+
+
+def finished(lanes: Lanes, ids: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Facts and named reward terms of finished services, and the rewards, each [k]."""
+    facts = lanes.facts(ids)
+    terms = facts.terms
+    out = {
+        "responded": facts.responded,
+        "response_step": np.where(facts.responded, facts.steps, np.nan),
+        "response_distance": np.where(facts.responded, facts.distance, np.nan),
+        "min_distance": facts.min_distance,
+        "steps": facts.steps,
+        "start_distance": facts.start_distance,
+        "path_length": facts.path_length,
+        "contact_steps": facts.contact_steps,
+        "sensed_error": facts.sensed_error,
+        "perfect": facts.perfect,
+    }
+    out |= {f"reward_{name}": terms[name] for name in task.REWARD_TERMS}
+    return out, np.sum([terms[name] for name in task.REWARD_TERMS], axis=0)
+
+
+def settings_from(given: dict[str, Any]) -> RestaurantSettings:
+    known = [f.name for f in fields(RestaurantSettings)]
+    for name in given:
+        if name not in known:
+            raise unknown("setting", name, known)
+    return RestaurantSettings(**given)

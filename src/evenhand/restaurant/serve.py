@@ -1,0 +1,131 @@
+"""Serve people to the end of their services with any robot, and keep the facts.
+
+A robot is a function from what it perceives to the probability of responding; a learned policy
+and a scripted robot are the same to this room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from evenhand import people
+from evenhand.interactions import Interactions
+from evenhand.restaurant import layout, senses, task
+from evenhand.restaurant.lanes import Facts, Lanes
+
+Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""(observation float32 [n, 25], rows int [n]) -> probability of responding now [n].
+
+``rows`` tells which of the services of this call the observations belong to, so that a robot can
+hold a plan for each service.
+"""
+
+
+@dataclass(frozen=True)
+class Services:
+    """N finished services and every decision taken in them.
+
+    Attributes:
+        facts: what happened.
+        observation: at each decision, float32 [N, L, 25]; zero after the end.
+        action: codes of ``task.ACTIONS``, int32 [N, L].
+        mask: 1 where a decision was taken, float32 [N, L].
+    """
+
+    facts: Facts
+    observation: np.ndarray
+    action: np.ndarray
+    mask: np.ndarray
+
+
+def serve(
+    lanes: Lanes,
+    setups: layout.Setups,
+    robot: Robot,
+    rng: np.random.Generator,
+    sense: senses.SenseSettings,
+) -> Services:
+    """Run every set-up to the end of its service.
+
+    Args:
+        lanes: simulations to use; takes ``lanes.n`` services at a time.
+        setups: N services.
+        robot: who serves.
+        rng: randomness of readings and of actions.
+        sense: the distance sensor.
+    """
+    total, length = len(setups), lanes.settings.decisions
+    chances = senses.draw(sense, total, length + 1, rng)
+    uniform = rng.random((total, length))
+    observation = np.zeros((total, length, task.OBSERVATION_SIZE), np.float32)
+    action = np.zeros((total, length), np.int32)
+    mask = np.zeros((total, length), np.float32)
+    parts = []
+    for first in range(0, total, lanes.n):
+        rows = slice(first, min(first + lanes.n, total))
+        ids = np.arange(rows.stop - rows.start)
+        lanes.begin(ids, setups[rows], chances[rows])
+        active = ids
+        for k in range(length):
+            seen = lanes.observe(active)
+            row = active + first
+            responds = uniform[row, k] < robot(seen, row)
+            observation[row, k], action[row, k], mask[row, k] = seen, responds, 1.0
+            lanes.respond(active[responds])
+            active = active[~responds]
+            if len(active):
+                active = active[~lanes.walk(active)]
+            if not len(active):
+                break
+        parts.append(lanes.facts(ids))
+    facts = Facts(
+        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facts)}
+    )
+    return Services(facts, observation, action, mask)
+
+
+def record(
+    facts: Facts,
+    codes: np.ndarray,
+    *,
+    epoch: np.ndarray | int,
+    scenario: str,
+    robot: str,
+    first_service: int = 0,
+) -> Interactions:
+    """The currency of all judgement: one row a service.
+
+    Args:
+        facts: N finished services.
+        codes: identities of the people served, int64 [N, 5].
+        epoch: one for all, or one each.
+        scenario: where.
+        robot: who served.
+        first_service: number of the first row.
+    """
+    n = len(facts.steps)
+    no = ~facts.responded
+    return Interactions.build(
+        identities={
+            identity.name: (codes[:, i], identity.categories)
+            for i, identity in enumerate(people.IDENTITIES)
+        },
+        facts={
+            "epoch": np.broadcast_to(epoch, n),
+            "service": np.arange(first_service, first_service + n),
+            "scenario": [scenario] * n,
+            "robot": [robot] * n,
+            "responded": facts.responded,
+            "response_step": np.ma.array(facts.steps, mask=no),
+            "response_distance": np.ma.array(facts.distance, mask=no),
+            "min_distance": facts.min_distance,
+            "steps": facts.steps,
+            "start_distance": facts.start_distance,
+            "path_length": facts.path_length,
+            "contact_steps": facts.contact_steps,
+            "sensed_error": facts.sensed_error,
+        },
+    )

@@ -1,0 +1,159 @@
+"""Many restaurants at once as a Gymnasium vector environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from evenhand import people
+from evenhand.errors import InputError, unknown
+from evenhand.restaurant import task
+from evenhand.restaurant.episodes import Source, finished, observation_space, settings_from
+from evenhand.restaurant.lanes import Lanes
+
+
+class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many restaurants at once; lane i with seed s is ``RestaurantEnv`` with seed s + i.
+
+    Spaces, rewards and facts are those of :class:`evenhand.restaurant.env.RestaurantEnv`, batched. All three autoreset
+    modes of Gymnasium are honoured.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **settings: Any,
+    ) -> None:
+        """Make the environments.
+
+        Args:
+            num_envs: how many lanes.
+            autoreset_mode: what happens after the end of a service.
+            **settings: of :class:`RestaurantSettings`.
+
+        Raises:
+            InputError: for an unknown setting, population or mode, or fewer than one lane.
+        """
+        if num_envs < 1:
+            raise InputError(f"num_envs is {num_envs}: give at least 1")
+        self.settings = settings_from(settings)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = [mode.value for mode in AutoresetMode]
+            raise unknown("autoreset mode", str(autoreset_mode), modes) from None
+        self.num_envs = num_envs
+        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
+        self.single_observation_space = observation_space()
+        self.single_action_space = gym.spaces.Discrete(2)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._lanes = Lanes(num_envs, task.TaskSettings(self.settings.interval))
+        self._source = Source(num_envs, self.settings)
+        self._rngs: list[np.random.Generator] = []
+        self._ended = np.ones(num_envs, bool)
+        self._all = np.arange(num_envs)
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin the next service in every lane, or in those of ``options["reset_mask"]``."""
+        n = self.num_envs
+        seeds = [seed + i for i in range(n)] if isinstance(seed, int) else seed or [None] * n
+        if len(seeds) != n:
+            raise InputError(f"{len(seeds)} seeds for {n} lanes: give one number or one a lane")
+        ids = self._all
+        if options is not None and "reset_mask" in options:
+            ids = np.flatnonzero(_reset_mask(options["reset_mask"], n))
+        if not self._rngs:
+            self._rngs = [seeding.np_random(one)[0] for one in seeds]
+        else:
+            for lane in ids:
+                if seeds[lane] is not None:
+                    self._rngs[lane] = seeding.np_random(seeds[lane])[0]
+                    self._source.forget(lane)
+        info = self._begin(ids)
+        return self._lanes.observe(slice(None)), info
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One decision in every lane.
+
+        Raises:
+            InputError: for actions of the wrong shape or other than 0 and 1.
+            RuntimeError: before the first reset, or, without autoreset, when a lane has ended.
+        """
+        actions = np.asarray(actions)
+        if actions.shape != (self.num_envs,) or ((actions != 0) & (actions != 1)).any():
+            raise InputError(
+                f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)"
+            )
+        if not self._rngs:
+            raise RuntimeError("call reset() before step()")
+        idle = self._ended
+        if self.autoreset_mode is AutoresetMode.DISABLED and idle.any():
+            lanes = np.flatnonzero(idle).tolist()
+            raise RuntimeError(f"the services of lanes {lanes} have ended: reset these lanes first")
+        info: dict[str, Any] = {}
+        responds = (actions == task.RESPOND) & ~idle
+        walks = np.flatnonzero(~responds & ~idle)
+        ended = responds.copy()
+        self._lanes.respond(np.flatnonzero(responds))
+        if len(walks):
+            ended[walks] = self._lanes.walk(walks)
+        if idle.any():
+            info |= self._begin(np.flatnonzero(idle))
+        rewards = np.zeros(self.num_envs)
+        self._ended = ended
+        if ended.any():
+            done = np.flatnonzero(ended)
+            facts, rewards[done] = finished(self._lanes, done)
+            spread = {"facts": self._spread(facts, ended), "_facts": ended}
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                final = np.full(self.num_envs, None, object)
+                final[done] = [*self._lanes.observe(done)]
+                info |= {"final_obs": final, "_final_obs": ended.copy()}
+                info |= {"final_info": spread, "_final_info": ended.copy()}
+                info |= self._begin(done)
+                self._ended = np.zeros(self.num_envs, bool)
+            else:
+                info |= spread
+        observation = self._lanes.observe(slice(None))
+        return observation, rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+
+    def _begin(self, ids: np.ndarray) -> dict[str, Any]:
+        setups, chances = self._source.take(ids, self._rngs)
+        self._lanes.begin(ids, setups, chances)
+        begun = np.zeros(self.num_envs, bool)
+        begun[ids] = True
+        self._ended = self._ended & ~begun
+        identities = np.zeros((self.num_envs, len(people.IDENTITIES)), np.int64)
+        identities[ids] = setups.asking
+        return {"identities": identities, "_identities": begun}
+
+    def _spread(self, facts: dict[str, np.ndarray], ended: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of finished lanes at their places among all lanes, with their masks."""
+        out = {}
+        for name, values in facts.items():
+            full = np.zeros(self.num_envs, values.dtype)
+            full[ended] = values
+            out[name], out[f"_{name}"] = full, ended.copy()
+        return out
+
+
+def _reset_mask(mask: Any, n: int) -> np.ndarray:
+    if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (n,):
+        raise InputError(f"options['reset_mask'] must be a bool array of {n} lanes")
+    if not mask.any():
+        raise InputError("options['reset_mask'] names no lane: mark at least one")
+    return mask
