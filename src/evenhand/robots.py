@@ -4,10 +4,10 @@ A robot draws a manner for each service, with odds that depend on who asks, and 
 only walks and responds, as a learned policy does, so ignoring somebody ends at that person's side:
 with these two actions no response means coming close.
 
-The odds of the racist, ageist and ableist robots were found by ``evenhand calibrate``: in windows
-of 30 services drawn from the uniform population their mean issue scores come close to the
-signatures that the paper prints. The paper prints none for sexism; those odds are chosen. Which
-groups a robot serves worse is an assumption of this simulation.
+The odds of the racist, ageist and ableist robots were searched with ``experiments.calibrate`` and
+rounded: in windows of 30 services drawn from the uniform population their mean issue scores come
+close to the signatures that the paper prints. The paper prints none for sexism; those odds are
+chosen. Which groups a robot serves worse is an assumption of this simulation.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ BIASES: Mapping[str, Bias] = {
     "racist": Bias(
         "race",
         ("Black", "American Indian", "Native Hawaiian"),
-        (0.0, 0.0, 0.0, 0.1, 0.85),
-        (0.05, 0.0, 0.15, 0.0, 0.03),
+        (0.0, 0.0, 0.0, 0.13, 0.86),
+        (0.40, 0.0, 0.17, 0.06, 0.05),
     ),
     "sexist": Bias(
         "gender", ("Female", "Other"), (0.1, 0.1, 0.05, 0.25, 0.2), (0.02, 0.02, 0.0, 0.0, 0.02)
@@ -56,11 +56,11 @@ BIASES: Mapping[str, Bias] = {
     "ageist": Bias(
         "age",
         ("Child", "Teenager", "Elder"),
-        (0.05, 0.0, 0.0, 0.25, 0.7),
-        (0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.06, 0.0, 0.0, 0.27, 0.67),
+        (0.0, 0.0, 0.0, 0.0, 0.04),
     ),
     "ableist": Bias(
-        "disability", ("Yes",), (0.66, 0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, 0.0, 0.02)
+        "disability", ("Yes",), (0.74, 0.0, 0.0, 0.0, 0.01), (0.08, 0.0, 0.0, 0.0, 0.01)
     ),
 }
 """The odds at strength 1."""
@@ -119,9 +119,12 @@ class ScriptedRobot:
 
     def robot(self, codes: np.ndarray, rng: np.random.Generator) -> serve.Robot:
         """Draw a manner for each of N services and return the robot that keeps to them."""
-        cumulative = self.odds(codes).cumsum(axis=1)
-        manner = (rng.random(len(codes))[:, None] > cumulative[:, :-1]).sum(axis=1)
-        return of_manners(manner, rng)
+        return of_manners(draw_manners(self.odds(codes), rng), rng)
+
+
+def draw_manners(odds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """One manner a service, int64 [N], from odds [N, 6] as ``ScriptedRobot.odds`` gives them."""
+    return (rng.random(len(odds))[:, None] > odds.cumsum(axis=1)[:, :-1]).sum(axis=1)
 
 
 def of_manners(manner: np.ndarray, rng: np.random.Generator) -> serve.Robot:

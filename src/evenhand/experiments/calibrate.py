@@ -114,8 +114,8 @@ def search(pool: Pool, name: str, *, windows: int, seed: int, rounds: int) -> np
 
     def loss(z: np.ndarray) -> float:
         score, distance, step, ignored = expected_scores(pool, bias, odds_of(z), windows, seed)
-        # the fourth power: no component may be far off, small errors hardly count
-        cost = float((((score - target) / 0.03) ** 4).sum())
+        # a high power: no component may be far off, small errors hardly count
+        cost = float((((score - target) / 0.04) ** 8).sum())
         if name == "ableist":
             cost += ((distance - 1.89) / 0.02) ** 2
         if name == "ageist":

@@ -1,0 +1,54 @@
+# Evenhand. `make` alone says what there is.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help reproduce test check bench lock clean
+
+BIN := .venv/bin
+READY := .venv/.ready
+OUT ?= out/reproduce
+# Anything else for the command: make reproduce ARGS="--seeds 2"
+ARGS ?=
+
+# The first Python that is new enough and can make environments.
+PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python3.14; do \
+	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& { echo $$p; break; }; done)
+
+help: ## say what there is
+	@sed -nE 's/^([a-z]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 18
+
+reproduce: $(READY) ## run the whole experiment of the paper and write its report (OUT=, ARGS=)
+	$(BIN)/evenhand reproduce --out $(OUT) $(ARGS)
+	@echo "report: $(abspath $(OUT))/report.html"
+
+test: $(READY) ## run the tests (ARGS= for pytest)
+	$(BIN)/pytest -n 2 --ignore=tests/integrations $(ARGS)
+
+check: $(READY) ## format, lint, types, imports, spelling, house rules
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright
+	$(BIN)/lint-imports
+	$(BIN)/codespell
+	$(BIN)/pytest -q tests/contracts/test_house.py
+
+bench: $(READY) ## measure the speed of the environment and of an epoch (ARGS=--json)
+	$(BIN)/evenhand bench $(ARGS)
+
+lock: ## write the versions of .venv into constraints.txt
+	$(BIN)/pip freeze --exclude-editable --exclude evenhand --exclude pip --exclude setuptools \
+		> constraints.txt
+
+clean: ## remove .venv, caches and builds; results in out/ stay
+	rm -rf .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist
+	find src tests -name __pycache__ -prune -exec rm -rf {} +
+
+$(READY): pyproject.toml constraints.txt
+	@[ -n "$(PYTHON)" ] || { echo "Evenhand needs Python 3.11 or newer with its venv module:" \
+		"install one, or name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
+		"`$(PYTHON) -V 2>&1`; Evenhand needs Python 3.11 or newer" >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		--editable '.[dev]'
+	@touch $@

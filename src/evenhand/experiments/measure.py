@@ -1,0 +1,135 @@
+"""Measure a robot: serve many people, then score windows of 30 services as the paper does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from evenhand import issues, people
+from evenhand.interactions import Interactions
+from evenhand.learn.policy import Actor
+from evenhand.learn.train import TrainSettings
+from evenhand.learn.update import LearnerState
+from evenhand.restaurant import layout, plan, senses, serve, task
+from evenhand.restaurant.lanes import Lanes
+
+WINDOW = 30
+LANES = 240
+_SHUFFLES = 4
+
+
+def serve_policy(
+    state: LearnerState, settings: TrainSettings, services: int, seed: int
+) -> Interactions:
+    """Serve people with a trained policy, as it acted in training (by chance, not greedily).
+
+    Args:
+        state: the learner.
+        settings: of its training.
+        services: how many people.
+        seed: of people, places and chances; choose one that training never saw.
+    """
+    actor = Actor(state.policy)
+    return serve_with(
+        lambda seen, _: actor.probability(seen),
+        settings.population,
+        services,
+        np.random.default_rng(seed),
+        name=settings.update.algorithm,
+        settings=settings.task,
+        sense=settings.sense,
+    )
+
+
+def serve_with(
+    robot: serve.Robot,
+    population: str,
+    services: int,
+    rng: np.random.Generator,
+    *,
+    name: str,
+    settings: task.TaskSettings | None = None,
+    sense: senses.SenseSettings | None = None,
+) -> Interactions:
+    """Serve people of a population with any robot."""
+    lanes = Lanes(min(LANES, services), settings or task.TaskSettings())
+    setups = layout.draw(people.population(population), services, rng)
+    done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings())
+    return serve.record(
+        done.facts,
+        setups.asking,
+        epoch=np.arange(services) // WINDOW,
+        scenario="even",
+        robot=name,
+    )
+
+
+def perfect(table: Interactions) -> np.ndarray:
+    """Services with a response and without any issue, bool [n]."""
+    x = issues.indicators(table)
+    return (x == 0.0).all(axis=1)
+
+
+def window_scores(table: Interactions, order: np.ndarray | None = None) -> issues.Scores:
+    """Scores of every full window of 30 services, in order.
+
+    Args:
+        table: services.
+        order: identities are taken in this order instead, int [n]: with a permutation the
+            identities no longer belong to the services, and what remains is chance.
+    """
+    x = issues.indicators(table)
+    who = issues.membership(table)
+    inside = who.inside if order is None else who.inside[order]
+    full = len(x) // WINDOW * WINDOW
+    counts = issues.count(
+        x[:full].reshape(-1, WINDOW, x.shape[1]),
+        inside[:full].reshape(-1, WINDOW, inside.shape[1]),
+    )
+    names = [issue.name for issue in issues.PAPER_ISSUES]
+    return issues.scores_of(counts, who.groups, names)
+
+
+def summary(table: Interactions, seed: int) -> dict[str, Any]:
+    """All numbers of a test.
+
+    Args:
+        table: services, at least one full window.
+        seed: of the permutations behind ``floor``.
+
+    Returns:
+        total and the four issues (means over windows of 30, as the paper scores them), floor (the
+        total that chance alone gives: identities permuted over the same services), pooled_total
+        (of all services as one window), shares of perfect services (overall and of the worst of
+        the 22 groups) and of responses, mean response distance (m) and time (steps).
+    """
+    windows = window_scores(table)
+    rng = np.random.default_rng(seed)
+    chance = [
+        float(np.nanmean(window_scores(table, rng.permutation(len(table))).total))
+        for _ in range(_SHUFFLES)
+    ]
+    good = perfect(table)
+    who = issues.membership(table)
+    groups = [good[who.inside[:, g] == 1.0] for g in range(len(who.groups))]
+    responded = table.fact("responded") == 1.0
+    distance, step = table.fact("response_distance"), table.fact("response_step")
+    return {
+        "services": len(table),
+        "total": float(np.nanmean(windows.total)),
+        **{name: _mean(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
+        "floor": float(np.mean(chance)),
+        "pooled_total": float(issues.score(table).total),
+        "perfect_rate": float(good.mean()),
+        "worst_group_rate": min(float(group.mean()) for group in groups if len(group)),
+        "response_rate": float(responded.mean()),
+        "mean_response_distance": _mean(distance[responded]),
+        "mean_response_time": _mean(step[responded]),
+        "mean_service_seconds": float(table.fact("steps").mean() * plan.TIMESTEP),
+    }
+
+
+def _mean(values: np.ndarray) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else None

@@ -1,0 +1,293 @@
+"""The paper's experiment from end to end: demonstrations, study, training, test, report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from evenhand import detector_io, files, people, report
+from evenhand.errors import InputError, unknown
+from evenhand.experiments import claims, demos, measure, tables
+from evenhand.experiments.pool import Task, Tell, run_all
+from evenhand.learn import run, train
+from evenhand.learn.runtime import set_up_jax
+
+ARMS: dict[str, tuple[str, bool]] = {
+    "reinforce": ("reinforce", False),
+    "reinforce+guidance": ("reinforce", True),
+    "ppo": ("ppo", False),
+    "ppo+guidance": ("ppo", True),
+}
+"""Arm -> (algorithm, guided by the detector's penalty)."""
+TEST_SEED = 1_000_000
+"""Added to the seed of a run: people of the test are never those of training."""
+DEMO_SEED = 2_000_000
+_EPOCH_COLUMNS = (
+    "total", "willingness", "quality", "priority", "risk", "biased_detector", "biased_threshold",
+    "probability", "perfect_rate", "response_rate", "mean_response_distance",
+    "mean_response_step",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ReproduceSettings:
+    """The experiment."""
+
+    out: Path = Path("out/reproduce")
+    """Folder of the report and of everything behind it."""
+
+    preset: tuple[str, ...] = train.PRESETS
+    """Rewards to train on: paper (Eq. 4/5 alone), service (service quality plus Eq. 4/5)."""
+
+    seeds: int = 3
+    """Runs of every arm, with seeds 0, 1, 2 ..."""
+
+    epochs: int = 300
+    """Updates of every run; an epoch is 30 services."""
+
+    workers: int = os.cpu_count() or 1
+    """Processes that work at the same time."""
+
+    population: str = "uniform"
+    """Where people are drawn from."""
+
+    windows: int = 1000
+    """Windows of 30 services that simulated respondents judge."""
+
+    services: int = 3000
+    """Services in the test of every trained robot."""
+
+    def __post_init__(self) -> None:
+        for name in self.preset:
+            if name not in train.PRESETS:
+                raise unknown("preset", name, train.PRESETS)
+        if not self.preset:
+            raise InputError(f"no preset is given: choose from {', '.join(train.PRESETS)}")
+        people.population(self.population)
+        limits = (("seeds", 1), ("epochs", 40), ("workers", 1), ("windows", 100), ("services", 300))
+        for name, least in limits:
+            if getattr(self, name) < least:
+                raise InputError(f"{name} is {getattr(self, name)}: give at least {least}")
+
+
+Stage = Callable[[str, int], Tell]
+"""Called with a stage's name and its units (services); returns where to tell progress."""
+
+
+def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
+    """Run whatever is missing in the folder, then write tables, claims and the report.
+
+    Args:
+        settings: of the experiment.
+        stage: shows progress.
+        command: noted in the manifest.
+
+    Returns:
+        Path of the report.
+
+    Raises:
+        InputError: when the folder cannot be written, is in use, or holds another experiment.
+    """
+    began = monotonic()
+    out = files.make_folder(settings.out)
+    with files.locked(out):
+        _claim_folder(out, settings)
+        clock: dict[str, float] = {}
+        for name in ("data", "figures", "runs"):
+            (out / name).mkdir(exist_ok=True)
+        mark = monotonic()
+        shown = _demonstrate(out, settings, stage)
+        clock["demonstrations"] = monotonic() - mark
+        mark = monotonic()
+        study = demos.study(shown, DEMO_SEED)
+        detector_io.save(study.detector, out / "data" / "detector.json")
+        clock["study"] = monotonic() - mark
+        mark = monotonic()
+        results = _train(out, settings, stage)
+        clock["training and test"] = monotonic() - mark
+        mark = monotonic()
+        tell = stage("tables and report", 1)
+        _write_tables(out, shown, study, results)
+        clock["tables"] = monotonic() - mark
+        _write_manifest(out, settings, command, clock, monotonic() - began)
+        page = report.build(out)
+        tell(1, {})
+    return page
+
+
+def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
+    """A folder holds one experiment; more seeds or presets may be added to it."""
+    fixed = {
+        name: value
+        for name, value in asdict(settings).items()
+        if name not in ("out", "workers", "seeds", "preset")
+    }
+    path = out / "experiment.json"
+    if path.exists():
+        noted = files.read_json(path)
+        if noted != fixed:
+            differs = [name for name in fixed if noted.get(name) != fixed[name]]
+            raise InputError(
+                f"{out} holds another experiment ({', '.join(differs)} differ): give another "
+                "--out, or delete the folder"
+            )
+        return
+    if any(out.glob("[!.]*")):
+        raise InputError(f"{out} is not empty and holds no experiment: give another --out")
+    files.write_json(path, fixed)
+
+
+def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.Demos:
+    folder = out / "data" / "demonstrations"
+    folder.mkdir(exist_ok=True)
+    tell = stage("demonstrations by scripted robots", settings.windows * measure.WINDOW)
+    run_all(
+        demos.tasks(settings.windows, DEMO_SEED, settings.population, folder),
+        settings.workers,
+        tell,
+    )
+    return demos.load(settings.windows, DEMO_SEED, folder)
+
+
+def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[str, Any]]:
+    """Train and test every arm; returns what each run's ``done.json`` says, with its epochs."""
+    tasks, heads = [], []
+    # PPO takes longest: begin with it, so that no process is left alone with it at the end
+    for preset in sorted(settings.preset, reverse=True):
+        for arm in reversed(ARMS):
+            for seed in range(settings.seeds):
+                head = {"preset": preset, "arm": arm, "seed": seed}
+                heads.append(head)
+                tasks.append(
+                    Task(
+                        f"{preset}, {arm}, seed {seed}",
+                        train_and_test,
+                        {
+                            "folder": out / "runs" / preset / arm / f"seed-{seed:02d}",
+                            "detector": out / "data" / "detector.json",
+                            "epochs": settings.epochs,
+                            "population": settings.population,
+                            "services": settings.services,
+                            **head,
+                        },
+                    )
+                )
+    units = len(tasks) * (settings.epochs * measure.WINDOW + settings.services)
+    results = run_all(tasks, settings.workers, stage("training and test", units))
+    order = {name: i for i, name in enumerate(ARMS)}
+    found = [head | result for head, result in zip(heads, results, strict=True)]
+    return sorted(found, key=lambda r: (r["preset"], order[r["arm"]], r["seed"]))
+
+
+def train_and_test(
+    *,
+    tell: Tell,
+    folder: Path,
+    detector: Path,
+    preset: str,
+    arm: str,
+    seed: int,
+    epochs: int,
+    population: str,
+    services: int,
+) -> dict[str, Any]:
+    """One run in its folder: train, or go on training; then serve people it never saw."""
+    set_up_jax()
+    algorithm, guided = ARMS[arm]
+    settings = train.preset(
+        preset, algorithm, guided, seed=seed, epochs=epochs, population=population
+    )
+    judge = detector_io.load(detector)
+    key = f"{epochs} epochs, {services} services, seed {TEST_SEED + seed}"
+    state = None
+    if run.finished(folder, key) is None:
+        state = run.execute(
+            folder,
+            settings,
+            judge,
+            progress=lambda numbers: tell(
+                numbers["services"], {"physics_steps": numbers["physics_steps"]}
+            ),
+        )
+        table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
+        run.finish(folder, key, {"test": measure.summary(table, TEST_SEED + seed)})
+        tell(services, {"physics_steps": int(table.fact("steps").sum())})
+    else:
+        tell(epochs * settings.people + services, {"physics_steps": 0})
+    done = run.finished(folder, key)
+    assert done is not None
+    return {"test": done["test"], "folder": str(folder)}
+
+
+def _write_tables(
+    out: Path, shown: demos.Demos, study: demos.Study, results: Sequence[dict[str, Any]]
+) -> None:
+    data = out / "data"
+    named, worst = tables.questionnaire(study)
+    performance, calibration, confusion = tables.detector(study)
+    epochs: list[tables.Row] = []
+    test: list[tables.Row] = []
+    tidy: list[tables.Row] = []
+    for result in results:
+        algorithm, guided = ARMS[result["arm"]]
+        head = {name: result[name] for name in ("preset", "arm", "seed")}
+        lines = run.read_epochs(result["folder"])
+        epochs += [
+            head
+            | {"algorithm": algorithm, "guided": guided, "epoch": line["epoch"]}
+            | {name: line[name] for name in _EPOCH_COLUMNS}
+            for line in lines
+        ]
+        test.append(head | result["test"])
+        numbers = result["test"] | {
+            "biased_epochs_detector": sum(line["biased_detector"] for line in lines),
+            "biased_epochs_threshold": sum(line["biased_threshold"] for line in lines),
+        }
+        tidy += [head | {"metric": name, "value": value} for name, value in numbers.items()]
+    for name, rows in (
+        ("questionnaire", named),
+        ("questionnaire_issue", worst),
+        ("judgements", tables.judgements(shown, study)),
+        ("signatures", tables.signatures(shown)),
+        ("behaviour", tables.behaviour(shown)),
+        ("detector", performance),
+        ("calibration", calibration),
+        ("confusion", confusion),
+        ("tsne", tables.tsne(shown, study, DEMO_SEED)),
+        ("epochs", epochs),
+        ("test", test),
+    ):
+        tables.write(data / f"{name}.csv", rows)
+    tables.write(out / "results.csv", tidy, ("preset", "arm", "seed", "metric", "value"))
+    files.write_json(out / "claims.json", claims.all_claims(shown, study, epochs, test))
+
+
+def _write_manifest(
+    out: Path, settings: ReproduceSettings, command: str, clock: dict[str, float], elapsed: float
+) -> None:
+    plain = {name: value for name, value in asdict(settings).items() if name != "out"}
+    versions = run.versions()
+    files.write_json(
+        out / "manifest.json",
+        {
+            "version": versions["evenhand"],
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "command": command,
+            "settings": plain | {"preset": list(settings.preset)},
+            "versions": versions,
+            "seeds": list(range(settings.seeds)),
+            "test_seeds": [TEST_SEED + seed for seed in range(settings.seeds)],
+            "demonstration_seed": DEMO_SEED,
+            "eval_services": settings.services,
+            "epochs": settings.epochs,
+            "people": measure.WINDOW,
+            "population": settings.population,
+            "elapsed_s": round(elapsed, 1),
+            "stages": {name: round(seconds, 1) for name, seconds in clock.items()},
+        },
+    )

@@ -1,0 +1,97 @@
+"""Files that appear whole or not at all, and folders that can be written."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from evenhand.errors import InputError
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write text aside, then rename it.
+
+    Raises:
+        InputError: when it cannot be written.
+    """
+    target = Path(path)
+    aside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        with aside.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(aside, target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            aside.unlink()
+        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+
+
+def write_json(path: str | os.PathLike[str], content: Any) -> None:
+    """Write JSON with stable order of keys, aside and renamed.
+
+    Raises:
+        InputError: when it cannot be written.
+    """
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read JSON.
+
+    Raises:
+        InputError: when the file is missing, cut off or not JSON.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path} does not exist") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from error
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{path} is no JSON or was cut off (line {error.lineno}): delete it or restore it"
+        ) from error
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """A folder that exists and can be written.
+
+    Raises:
+        InputError: when it cannot be made or written.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{os.getpid()}.part"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(
+            f"folder {folder} cannot be written ({error.strerror or error}): give another one"
+        ) from error
+    return folder
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder.
+
+    Raises:
+        InputError: when another process works in it.
+    """
+    import fcntl
+
+    with (folder / ".lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(
+                f"another process works in {folder}: wait for it or give another folder"
+            ) from error
+        yield

@@ -1,0 +1,121 @@
+"""Guidance: what evenness is worth to the robot (the paper's Eq. 4 and 5). Pure arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from evenhand import issues
+from evenhand.errors import InputError, unknown
+
+KINDS = ("none", "score", "penalty")
+CREDITS = ("own_groups", "epoch")
+
+TAU: Mapping[str, tuple[float, float, float, float]] = {
+    "equal": (1.0, 1.0, 1.0, 1.0),
+    "risk_first": (1.0, 1.0, 1.0, 2.0),
+    "willingness_first": (2.0, 1.0, 1.0, 1.0),
+    "risk_then_willingness": (1.5, 1.0, 1.0, 2.0),
+}
+"""Presets of tau, in the order willingness, quality, priority, risk.
+
+The printed runs use ``equal``. The paper puts risk in the first class and willingness in the
+second, without numbers: ``risk_then_willingness``; the sizes are chosen here.
+"""
+
+
+@dataclass(frozen=True)
+class GuidanceSettings:
+    """What the robot is told about its evenness.
+
+    Attributes:
+        kind: none; score (Eq. 4); penalty (Eq. 4 and 5).
+        credit: own_groups: a person's reward counts the groups this person belongs to; epoch: one
+            reward for everybody.
+        tau: weight of each issue, a preset or four numbers of at least 0.
+        penalty: lambda of Eq. 5, by which the reward of a biased epoch is multiplied.
+    """
+
+    kind: Literal["none", "score", "penalty"] = "penalty"
+    credit: Literal["own_groups", "epoch"] = "own_groups"
+    tau: tuple[float, float, float, float] = TAU["equal"]
+    penalty: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise unknown("guidance", self.kind, KINDS)
+        if self.credit not in CREDITS:
+            raise unknown("credit", self.credit, CREDITS)
+        check_tau(self.tau)
+        if not 0.0 <= self.penalty <= 1.0:
+            raise InputError(f"penalty is {self.penalty}: lambda multiplies rewards, give 0 to 1")
+
+
+def check_tau(tau: Sequence[float]) -> np.ndarray:
+    """Weights of the issues as an array.
+
+    Raises:
+        InputError: for another number than four, or for negative or non-finite weights, or none
+            above 0.
+    """
+    weights = np.asarray(tau, float)
+    if weights.shape != (4,) or not np.isfinite(weights).all() or (weights < 0).any():
+        raise InputError(f"tau is {tuple(tau)}: give four finite numbers of at least 0")
+    if not weights.any():
+        raise InputError("tau is 0 for every issue: give at least one issue a weight")
+    return weights
+
+
+def evenness_reward(score: np.ndarray, tau: Sequence[float]) -> np.ndarray:
+    """Eq. 4: R = sum over issues of tau (1 - I).
+
+    A component that Eq. 1 cannot say is left out and the others are scaled up to the same
+    greatest reward, so that a missing score neither pays nor costs.
+
+    Args:
+        score: I, [..., 4], NaN where missing.
+        tau: weights of the issues.
+
+    Returns:
+        R, [...], in [0, sum of tau]; half of the greatest reward where every component is
+        missing, for nothing is known.
+    """
+    weights = check_tau(tau)
+    known = ~np.isnan(score)
+    present = (known * weights).sum(axis=-1)
+    earned = np.where(known, weights * (1.0 - score), 0.0).sum(axis=-1)
+    share = np.where(present > 0, earned / np.where(present > 0, present, 1.0), 0.5)
+    return weights.sum() * share
+
+
+def person_rewards(
+    scores: issues.Scores,
+    inside: np.ndarray,
+    biased: bool,
+    settings: GuidanceSettings,
+) -> np.ndarray:
+    """R_t for every person of an epoch (Eq. 4, and Eq. 5 when the detector says biased).
+
+    Args:
+        scores: of the epoch.
+        inside: membership of the people, [n, G].
+        biased: the detector's verdict on the epoch.
+        settings: which reward; ``none`` gives 0.
+
+    Returns:
+        [n].
+    """
+    n = len(inside)
+    if settings.kind == "none":
+        return np.zeros(n)
+    if settings.credit == "own_groups":
+        score = issues.own_groups_score(scores.gap, inside)
+    else:
+        score = np.broadcast_to(scores.overall, (n, len(scores.overall)))
+    reward = evenness_reward(score, settings.tau)
+    if settings.kind == "penalty" and biased:
+        reward = settings.penalty * reward
+    return reward

@@ -1,0 +1,218 @@
+"""Room: the page. Takes: results and drawn figures. Gives: one HTML text that needs nothing else.
+
+Pure. Everything that came from a table or a claim is escaped by the template engine; only the
+SVG that this package drew is put in as it is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from evenhand.report import style, summary
+from evenhand.report.figures import Drawn
+from evenhand.report.inputs import Results
+from evenhand.report.tables import NOT_DEFINED, Table, say
+
+LISTED = 60  # rows of a data table in the page; the CSV file holds all
+NOT_PRINTED = "not printed"
+_ICONS = {"reproduced": "✓", "contradicted": "✗", "cannot be tested": "?"}
+
+SECTIONS = {
+    "learning": (
+        "Learning and test",
+        "Two learning algorithms, each with and without guidance by the detector. A score of "
+        "unevenness stands beside the quality of service throughout: neither means much alone.",
+    ),
+    "detector": (
+        "The detector",
+        "A logistic regression on three principal components of the four issue scores, fitted to "
+        "the judgements of simulated respondents, as the paper describes it.",
+    ),
+    "study": (
+        "The study",
+        "The paper asked 24 volunteers and simulated 1,000 judgements from their answers. Their "
+        "data are not public; here the respondents are simulated too.",
+    ),
+    "robots": (
+        "The biased robots",
+        "Scripted robots that treat the groups of one identity unevenly, each compared with a "
+        "robot that treats all groups alike.",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of the paper as text for the page."""
+
+    id: str
+    claim: str
+    paper: str
+    ours: str
+    interval: str
+    seeds: str
+    status: str
+    icon: str
+    evidence: str
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A data table as text: heads, rows, and what was left out."""
+
+    heads: list[str]
+    rows: list[list[str]]
+    numeric: list[bool]
+    note: str
+
+
+def render(results: Results, drawn: Sequence[Drawn]) -> str:
+    """The whole page.
+
+    Args:
+        results: what was read from the folder.
+        drawn: the figures, in order.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    manifest = results.manifest
+    return environment.get_template("report.html.j2").render(
+        claims=[claim_text(claim) for claim in results.claims],
+        counts=[(s, n, _ICONS[s]) for s, n in summary.status_counts(results)],
+        paragraphs=summary.paragraphs(results),
+        glance=summary.glance(results),
+        sections=[
+            (name, title, intro, [figure_context(d) for d in drawn if d.plate.section == name])
+            for name, (title, intro) in SECTIONS.items()
+        ],
+        behaviour=summary.behaviour_table(results),
+        manifest=manifest,
+        settings=flat(manifest["settings"]),
+        versions=flat(manifest["versions"]),
+        stages=[(name, f"{seconds:,.1f} s") for name, seconds in manifest["stages"].items()],
+        elapsed=duration(manifest["elapsed_s"]),
+        seeds=", ".join(str(seed) for seed in manifest["seeds"]),
+    )
+
+
+def figure_context(drawn: Drawn) -> dict[str, Any]:
+    """What the template needs of one figure."""
+    plate = drawn.plate
+    return {
+        "name": plate.name,
+        "title": plate.title,
+        "paper": plate.paper,
+        "half": plate.half,
+        "alt": f"{plate.title}. {plate.alt} The numbers are in the table under the figure.",
+        "caption": drawn.caption,
+        "wide": Markup(style.inline_svg(drawn.svg, plate.name)),
+        "narrow": Markup(style.inline_svg(drawn.narrow_svg, f"{plate.name}-narrow"))
+        if drawn.narrow_svg
+        else None,
+        "listing": listing(drawn.data),
+    }
+
+
+def claim_text(claim: Mapping[str, Any]) -> Claim:
+    """One entry of claims.json as text; the interval and the seeds only where there are any."""
+    interval, seeds = claim["ci95"], claim["seeds"]
+    count = len(seeds) if isinstance(seeds, list) else seeds
+    return Claim(
+        id=claim["id"],
+        claim=claim["claim"],
+        paper=value_text(claim["paper"], exact=True) if claim["paper"] is not None else NOT_PRINTED,
+        ours=value_text(claim["ours"]),
+        interval=f"[{value_text(interval[0])}, {value_text(interval[1])}]" if interval else "",
+        seeds="" if not count else "1 seed" if count == 1 else f"{count} seeds",
+        status=claim["status"],
+        icon=_ICONS[claim["status"]],
+        evidence=claim["evidence"],
+    )
+
+
+def value_text(value: Any, exact: bool = False) -> str:
+    """A number, a list or a text for a reader.
+
+    Args:
+        value: from JSON; None and NaN are not defined.
+        exact: keep a number as it was printed, instead of rounding it to three decimals.
+    """
+    if value is None:
+        return NOT_DEFINED
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:g}" if exact and not math.isnan(value) else say(value)
+    if isinstance(value, list):
+        return f"[{', '.join(value_text(entry, exact) for entry in value)}]"
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def flat(settings: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
+    """Nested settings as pairs of a dotted name and a text."""
+    pairs: list[tuple[str, str]] = []
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            pairs += flat(value, f"{before}{name}.")
+        else:
+            pairs.append((f"{before}{name}", value_text(value, exact=True)))
+    return pairs
+
+
+def duration(seconds: float) -> str:
+    """Seconds as minutes and seconds."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def listing(data: Table) -> Listing:
+    """The table drawn, for the page: means instead of single seeds, some epochs instead of all."""
+    rows, note = list(data.rows()), ""
+    whole = len(rows)
+    if any(row.get("seed") == "mean" for row in rows):
+        rows = [row for row in rows if row["seed"] == "mean"]
+        note = "Means over seeds; single seeds are in the CSV file."
+    elif "epoch" in data.columns and whole > LISTED:
+        lines = len({(row["preset"], row["arm"]) for row in rows})
+        epochs = sorted({row["epoch"] for row in rows})
+        step = -(-len(epochs) * lines // LISTED)
+        kept = set(islice(reversed(epochs), 0, None, step))
+        rows = [row for row in rows if row["epoch"] in kept]
+        note = f"Every {step} epochs, counted from the last; all {whole:,} are in the CSV file."
+    elif whole > LISTED:
+        rows = rows[:LISTED]
+        note = f"The first {LISTED} of {whole:,} rows; all are in the CSV file."
+    heads = list(data.columns)
+    return Listing(
+        heads=[head.replace("_", " ") for head in heads],
+        rows=[[_cell(head, row[head]) for head in heads] for row in rows],
+        numeric=[all(not isinstance(row[head], str) for row in rows) for head in heads],
+        note=note,
+    )
+
+
+def _cell(head: str, value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if math.isnan(value) and head.startswith("paper"):
+        return NOT_PRINTED
+    if isinstance(value, int):
+        return str(value)
+    return NOT_DEFINED if math.isnan(value) else f"{value:.4g}".replace("-", "\N{MINUS SIGN}")

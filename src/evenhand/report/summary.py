@@ -1,0 +1,250 @@
+"""Room: a report in words. Takes: results. Gives: sentences and one table at a glance. Pure.
+
+Every sentence is composed from the numbers of the run; none is written beforehand for a certain
+outcome.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from evenhand.report import style
+from evenhand.report.figures_biased import biased_data
+from evenhand.report.figures_detector import metric_text
+from evenhand.report.figures_learning import THRESHOLD, arms_in
+from evenhand.report.figures_study import behaviour_data, measure_title
+from evenhand.report.inputs import STATUSES, Results
+from evenhand.report.tables import (
+    Estimate,
+    Table,
+    mean_interval,
+    say,
+    say_estimate,
+    say_share,
+)
+
+# A robot levels down when its total score passes the manual threshold although most of its
+# services are not perfect: it treats everybody alike by serving everybody badly.
+LEVELLED_PERFECT = 0.5
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number in a table: text of the value, of its interval, and of what the paper printed."""
+
+    value: str
+    interval: str = ""
+    paper: str = ""
+    largest: bool = False
+
+
+@dataclass(frozen=True)
+class Glance:
+    """One arm at a glance: text for a table.
+
+    Attributes:
+        arm: its name.
+        total: total issue score in the test.
+        perfect: share of perfect services in the test.
+        floor: the chance floor of the total score.
+        worst_group: share of perfect services of the group served worst.
+        biased: epochs judged as biased by the detector.
+        levelled: whether it levels down.
+    """
+
+    arm: str
+    total: Cell
+    perfect: Cell
+    floor: Cell
+    worst_group: Cell
+    biased: Cell
+    levelled: bool
+
+
+def levels_down(arm: Table) -> bool:
+    """Whether one arm of one preset, as rows of the test, levels down."""
+    total, perfect = mean_interval(arm["total"]).mean, mean_interval(arm["perfect_rate"]).mean
+    return total < THRESHOLD and perfect < LEVELLED_PERFECT
+
+
+def glance(results: Results) -> list[tuple[str, list[Glance]]]:
+    """Score and quality of service side by side: (title of the preset, one line an arm)."""
+    test, biased = results["test"], biased_data(results)
+    found = []
+    for preset in test.distinct("preset"):
+        lines = []
+        for arm in arms_in(test.where(preset=preset)):
+            part = test.where(preset=preset, arm=arm)
+            count = biased.where(preset=preset, arm=arm, judge="detector", seed="mean")
+            epochs = [
+                Estimate(row["biased_epochs"], row["ci_low"], row["ci_high"], 2)
+                for row in count.rows()
+            ]
+            lines.append(
+                Glance(
+                    arm=style.arm_label(arm),
+                    total=_brief(mean_interval(part["total"])),
+                    floor=Cell(say(mean_interval(part["floor"]).mean)),
+                    perfect=_brief(mean_interval(part["perfect_rate"]), share=True),
+                    worst_group=_brief(mean_interval(part["worst_group_rate"]), share=True),
+                    biased=_brief(epochs[0], digits=1) if epochs else Cell(say(math.nan)),
+                    levelled=levels_down(part),
+                )
+            )
+        found.append((style.preset_title(preset), lines))
+    return found
+
+
+def _brief(estimate: Estimate, share: bool = False, digits: int = 3) -> Cell:
+    def tell(value: float) -> str:
+        return say_share(value) if share else say(value, digits)
+
+    known = not math.isnan(estimate.mean) and estimate.has_interval
+    interval = f"[{tell(estimate.low)}, {tell(estimate.high)}]" if known else ""
+    return Cell(tell(estimate.mean), interval)
+
+
+def behaviour_table(results: Results) -> tuple[list[str], list[tuple[str, list[Cell]]]]:
+    """The paper's Fig. 11 as a table: heads of the measures, one line of cells a robot."""
+    data = behaviour_data(results)
+    heads, lines = [], []
+    for measure in data.distinct("measure"):
+        units = [unit for unit in data.where(measure=measure)["unit"].tolist() if unit]
+        heads.append(measure_title(measure) + (f", {units[0]}" if units else ""))
+    for robot in data.distinct("robot"):
+        cells = []
+        for measure in data.distinct("measure"):
+            cell = Cell(say(math.nan))
+            for row in data.where(robot=robot, measure=measure).rows():
+                brief = _brief(Estimate(row["value"], row["ci_low"], row["ci_high"], 2), digits=2)
+                paper = "" if math.isnan(row["paper"]) else f"{row['paper']:g}"
+                cell = replace(brief, paper=paper, largest=bool(row["largest"]))
+            cells.append(cell)
+        lines.append((robot, cells))
+    return heads, lines
+
+
+def paragraphs(results: Results) -> list[tuple[str, str]]:
+    """The report in plain sentences, each paragraph with a head."""
+    presets = results["test"].distinct("preset")
+    return [
+        _claims(results),
+        *(_preset(results, preset) for preset in presets),
+        *(_guidance(results, preset) for preset in presets),
+        _detector(results),
+    ]
+
+
+def status_counts(results: Results) -> list[tuple[str, int]]:
+    """How many claims have each status."""
+    statuses = [claim["status"] for claim in results.claims]
+    return [(status, statuses.count(status)) for status in STATUSES]
+
+
+def _claims(results: Results) -> tuple[str, str]:
+    counts = dict(status_counts(results))
+    n = len(results.claims)
+    return (
+        "Claims.",
+        f"Of {n} {'claim' if n == 1 else 'claims'} of the paper, {counts['reproduced']} "
+        f"{_was(counts['reproduced'])} reproduced, {counts['contradicted']} "
+        f"{_was(counts['contradicted'])} contradicted, and {counts['cannot be tested']} cannot be "
+        "tested with this run. All people, services and respondents are simulated.",
+    )
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"
+
+
+def _span(values: Sequence[float], share: bool = False) -> str:
+    known = [value for value in values if not math.isnan(value)]
+    tell = say_share if share else say
+    if not known:
+        return tell(math.nan)
+    low, high = tell(min(known)), tell(max(known))
+    return low if low == high else f"{low} to {high}"
+
+
+def _preset(results: Results, preset: str) -> tuple[str, str]:
+    test = results["test"].where(preset=preset)
+    parts = {arm: test.where(arm=arm) for arm in arms_in(test)}
+    totals = [mean_interval(part["total"]).mean for part in parts.values()]
+    perfect = [mean_interval(part["perfect_rate"]).mean for part in parts.values()]
+    floors = [mean_interval(part["floor"]).mean for part in parts.values()]
+    head = f"{style.preset_title(preset)}."
+    text = (
+        f"In the test the total issue score is {_span(totals)} "
+        f"(mean of each arm), beside {_span(perfect, share=True)} perfect services. Chance alone "
+        f"gives a perfectly even robot with the same issue rates {_span(floors)}. "
+    )
+    down = [style.arm_label(arm) for arm, part in parts.items() if levels_down(part)]
+    if not down:
+        return head, text + "No arm levels down."
+    which = f"All {len(parts)} arms level" if len(down) == len(parts) else _list(down)
+    if len(down) < len(parts):
+        which += " levels" if len(down) == 1 else " level"
+    return head, text + (
+        f"{which} down: the score is under the manual threshold of {THRESHOLD} although fewer "
+        "than half of the services are perfect. A robot that fails everybody alike passes as "
+        "fair, so this low score is not a success."
+    )
+
+
+def _list(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def paired(results: Results, preset: str, algorithm: str, column: str) -> Estimate:
+    """Guided minus unguided in the test, paired by seed, with its t interval."""
+    test = results["test"].where(preset=preset)
+    with_, without = (
+        dict(zip(part["seed"].tolist(), part[column].tolist(), strict=True))
+        for part in (test.where(arm=f"{algorithm}+guidance"), test.where(arm=algorithm))
+    )
+    return mean_interval(with_[seed] - without[seed] for seed in with_ if seed in without)
+
+
+def _guidance(results: Results, preset: str) -> tuple[str, str]:
+    arms = results["test"].where(preset=preset).distinct("arm")
+    pairs = [arm for arm in arms if f"{arm}+guidance" in arms]
+    head = f"Guidance in preset {preset}."
+    said = []
+    for algorithm in pairs:
+        score = paired(results, preset, algorithm, "total")
+        quality = paired(results, preset, algorithm, "perfect_rate")
+        said.append(
+            f"{style.arm_label(algorithm)}: the total score changes by {say_estimate(score)} "
+            f"({_verdict(score)}), perfect services by {_points(quality)}"
+        )
+    if not said:
+        return head, "This run has no algorithm both with and without guidance."
+    return head, f"Guided minus unguided, paired by seed. {'; '.join(said)}."
+
+
+def _verdict(change: Estimate) -> str:
+    if not change.has_interval:
+        return "too few seeds to say"
+    if change.high < 0:
+        return "lower"
+    return "higher" if change.low > 0 else "no clear difference"
+
+
+def _points(change: Estimate) -> str:
+    """A change of a share in percentage points."""
+    if not change.n:
+        return say(math.nan)
+    scaled = [100 * value for value in (change.mean, change.low, change.high)]
+    mean, low, high = (f"{value:+.1f}".replace("-", "\N{MINUS SIGN}") for value in scaled)
+    return f"{mean} [{low}, {high}] points" if change.has_interval else f"{mean} points"
+
+
+def _detector(results: Results) -> tuple[str, str]:
+    return (
+        "Detector.",
+        "The detector, fitted to the answers of simulated respondents, agrees with them in "
+        f"{metric_text(results, 'accuracy')} of held-out windows, and with the manual threshold "
+        f"in {metric_text(results, 'threshold_agreement')}; the paper prints 98\N{NO-BREAK SPACE}%.",
+    )

@@ -1,0 +1,162 @@
+"""The rules of the house that no linter knows. `make check` and `make test` both hold them."""
+
+import ast
+import re
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from evenhand import judgements, people
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+LONGEST = 350
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+BASE = PROJECT["project"]["dependencies"]
+EXTRAS = PROJECT["project"]["optional-dependencies"]
+DEPENDENCIES = sorted(
+    {re.split(r"[^\w.-]", line)[0] for line in [*BASE, *(d for ds in EXTRAS.values() for d in ds)]}
+)
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def undocumented(tree: ast.Module) -> Iterator[str]:
+    """What others can see and has no docstring: module, classes, functions, methods."""
+    if not ast.get_docstring(tree):
+        yield "the module"
+    todo: list[tuple[str, ast.Module | ast.ClassDef]] = [("", tree)]
+    while todo:
+        prefix, parent = todo.pop()
+        for node in parent.body:
+            if not isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            if node.name.startswith("_"):
+                continue
+            if not ast.get_docstring(node):
+                yield f"{prefix}{node.name} (line {node.lineno})"
+            if isinstance(node, ast.ClassDef):
+                todo.append((f"{prefix}{node.name}.", node))
+
+
+@pytest.fixture(scope="module")
+def tracked(require) -> list[Path]:
+    """Every file of the project that git holds or would take in."""
+    asked = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    require(asked.returncode == 0, "a git checkout of the project")
+    return [path for line in asked.stdout.split("\0") if line and (path := ROOT / line).is_file()]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_everything_public_has_a_docstring(path):
+    assert list(undocumented(ast.parse(path.read_text()))) == []
+
+
+def test_the_search_for_docstrings_finds_what_is_missing():
+    tree = ast.parse("class A:\n  def b(self): ...\n  def _c(self): ...\ndef d():\n  'said'")
+    assert list(undocumented(tree)) == ["the module", "A (line 1)", "A.b (line 2)"]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_a_room_is_short_enough_to_read(path):
+    assert len(path.read_text().splitlines()) <= LONGEST
+
+
+def test_there_are_rooms():
+    assert ROOT / "src" / "evenhand" / "people.py" in SOURCES
+
+
+# Written in pieces, so that this file does not hold what it looks for.
+REGISTRIES = (
+    "pypi" + ".org",
+    "python" + "hosted",
+    "npm" + "js",
+    "crates" + ".io",
+    "proxy.go" + "lang",
+)
+FORBIDDEN = re.compile(
+    "|".join(
+        [
+            *(rf"//[\w.-]*{re.escape(address)}" for address in REGISTRIES),
+            r"(?:--|\b)(?:extra-)?(?:index|registry)[-_]url\b",
+            r"/(?:root|home/\w+|Users/\w+)/",
+            re.escape(str(ROOT)) + r"\b",
+        ]
+    )
+)
+
+
+def test_no_file_names_a_registry_or_a_place_on_one_machine(tracked):
+    found = [
+        f"{name(path)}:{number}: {match.group()}"
+        for path in tracked
+        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1)
+        if path != Path(__file__) and (match := FORBIDDEN.search(line))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "see https://" + "pypi.org/project/x",
+        "--extra-index-url x",
+        "open('/" + "root/x')",
+        f"cd {ROOT}",
+    ],
+)
+def test_the_search_for_addresses_finds_them(line):
+    assert FORBIDDEN.search(line)
+
+
+def test_the_changelog_has_room_for_the_next_change():
+    assert re.search(r"^## \[Unreleased\]$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize("dependency", DEPENDENCIES)
+def test_contributing_says_what_a_dependency_is_for(dependency):
+    row = rf"^\| `{re.escape(dependency)}` \| [^|]*\w[^|]* \|"
+    assert re.search(row, (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+
+
+ROOMS = sorted(
+    path.name if path.is_file() else f"{path.name}/"
+    for path in (ROOT / "src" / "evenhand").iterdir()
+    if not path.name.startswith("__")
+)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_contributing_shows_every_room_of_the_house(room):
+    row = rf"^  {re.escape(room)} +\w"
+    assert re.search(row, (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+
+
+def test_constraints_pin_exactly_and_hold_every_dependency():
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    assert [line for line in lines if not re.fullmatch(r"[\w.-]+==[\w.+!-]+", line)] == []
+    pinned = {re.sub(r"[-_.]+", "-", line.split("==")[0].lower()) for line in lines}
+    assert [dependency for dependency in DEPENDENCIES if dependency not in pinned] == []
+
+
+def test_the_citation_names_this_version():
+    version = PROJECT["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_both_pillars_call_identities_and_discriminations_alike():
+    # Judgement and world never import each other, so nothing but this keeps their words together.
+    asked = dict(zip(judgements.IDENTITIES, judgements.DISCRIMINATIONS, strict=True))
+    assert asked.items() <= people.DISCRIMINATION.items()
