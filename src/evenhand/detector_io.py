@@ -28,6 +28,10 @@ YES, NO = ("yes", "true", "1", "y", "t"), ("no", "false", "0", "n", "f")
 NOTHING_NAMED = ("", "none", "-", "n/a")
 
 
+SHIPPED = Path(__file__).parent / "data" / "detector.json"
+"""Fitted to simulated respondents by ``evenhand reproduce`` with its default settings."""
+
+
 @dataclass(frozen=True, eq=False)
 class Answers:
     """People's judgements of n windows, ready for ``detector.fit`` and ``evaluate``.

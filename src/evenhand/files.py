@@ -95,3 +95,29 @@ def locked(folder: Path) -> Iterator[None]:
                 f"another process works in {folder}: wait for it or give another folder"
             ) from error
         yield
+
+
+def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
+    """Make a folder belong to one experiment, or check that it does.
+
+    Args:
+        folder: exists.
+        note: name of the file that says what the folder holds.
+        content: what the experiment is.
+
+    Raises:
+        InputError: when the folder holds something else.
+    """
+    path = folder / note
+    if path.exists():
+        noted = read_json(path)
+        if noted != content:
+            differs = [name for name in content if noted.get(name) != content[name]]
+            raise InputError(
+                f"{folder} holds another experiment ({', '.join(differs)} differ): give another "
+                "folder, or delete this one"
+            )
+        return
+    if any(folder.glob("[!.]*")):
+        raise InputError(f"{folder} is not empty and holds no such experiment: give another folder")
+    write_json(path, content)

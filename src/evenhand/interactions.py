@@ -7,7 +7,7 @@ lacks are absent; cells that a row lacks are null. Issues are never stored, they
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +55,11 @@ class Interactions:
             identities: names of the identity columns.
 
         Raises:
-            InputError: for a missing, unknown, or wrongly typed column.
+            InputError: for a missing, unknown, repeated, or wrongly typed column.
         """
+        for name in table.column_names:
+            if table.column_names.count(name) > 1:
+                raise InputError(f"column {name!r} stands there twice: rename or drop one")
         for name in identities:
             if name in FACTS:
                 raise InputError(f"identity {name!r} has the name of a fact: rename the column")
@@ -87,10 +90,11 @@ class Interactions:
         Args:
             identities: name -> (codes int [n], categories); a code of -1 stands for a missing
                 value and becomes null.
-            facts: name -> values [n]; masked entries and None become null.
+            facts: name -> values [n]; masked entries, None and NaN become null.
 
         Raises:
-            InputError: for codes out of range, unknown facts, or columns of unequal length.
+            InputError: for codes out of range, unknown or wrongly typed facts, or columns of
+                unequal length.
         """
         columns: dict[str, pa.Array] = {}
         for name, (codes, categories) in identities.items():
@@ -102,7 +106,7 @@ class Interactions:
         for name, values in facts.items():
             if name not in FACTS:
                 raise unknown("fact", name, FACTS)
-            columns[name] = _column(values, FACTS[name])
+            columns[name] = _column(name, values)
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
             raise InputError(f"columns are of unequal length: {lengths}")
@@ -120,21 +124,19 @@ class Interactions:
             if noted is None:
                 raise InputError("it is not said which columns are identities: name them")
             identities = noted.decode().split("\x1f") if noted else []
-        columns = {}
-        for name in table.column_names:
-            column = table[name].combine_chunks()
-            if name in identities:
-                if not pa.types.is_dictionary(column.type):
-                    column = column.cast(pa.string()).dictionary_encode()
-                columns[name] = column
-            else:
-                if name not in FACTS:
+        columns = []
+        for name, chunks in zip(table.column_names, table.columns, strict=True):
+            column = chunks.combine_chunks()
+            try:
+                if name in identities:
+                    columns.append(_categorical(column))
+                elif name in FACTS:
+                    columns.append(_without_nan(column.cast(FACTS[name])))
+                else:
                     raise unknown("fact", name, FACTS)
-                try:
-                    columns[name] = column.cast(FACTS[name])
-                except pa.ArrowInvalid as error:
-                    raise InputError(f"column {name!r}: {error}") from error
-        return cls(pa.table(columns), identities)
+            except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
+                raise InputError(f"column {name!r}: {error}") from error
+        return cls(pa.table(columns, table.column_names), identities)
 
     def to_arrow(self) -> pa.Table:
         """The Arrow table, with a note of which columns are identities."""
@@ -153,17 +155,21 @@ class Interactions:
             table = pq.read_table(path)
         except (OSError, pa.ArrowInvalid) as error:
             raise InputError(f"{path} cannot be read as Parquet: {error}") from error
-        return cls.from_arrow(table)
+        return cls._from_file(path, table, None)
 
     def write_parquet(self, path: str | os.PathLike[str]) -> None:
-        """Write Parquet aside and rename it, so that no half file is ever seen."""
-        aside = Path(f"{path}.part")
-        pq.write_table(self.to_arrow(), aside)
-        os.replace(aside, path)
+        """Write Parquet aside and rename it, so that no half file is ever seen.
+
+        Raises:
+            InputError: when it cannot be written.
+        """
+        _write(path, lambda aside: pq.write_table(self.to_arrow(), aside))
 
     @classmethod
     def read_csv(cls, path: str | os.PathLike[str], identities: Sequence[str]) -> Interactions:
         """Read a CSV file with a header; an empty cell is null.
+
+        Categories are those that occur, in the order of their first row.
 
         Raises:
             InputError: when the file cannot be read or a column has the wrong type.
@@ -173,22 +179,37 @@ class Interactions:
             column_types=kinds, null_values=[""], strings_can_be_null=True
         )
         try:
-            table = pacsv.read_csv(path, convert_options=options)
+            table = pacsv.read_csv(
+                path,
+                parse_options=pacsv.ParseOptions(newlines_in_values=True),
+                convert_options=options,
+            )
         except (OSError, pa.ArrowInvalid) as error:
             raise InputError(f"{path} cannot be read as CSV: {error}") from error
-        return cls.from_arrow(table, identities)
+        return cls._from_file(path, table, identities)
+
+    @classmethod
+    def _from_file(
+        cls, path: str | os.PathLike[str], table: pa.Table, identities: Sequence[str] | None
+    ) -> Interactions:
+        try:
+            return cls.from_arrow(table, identities)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
 
     def write_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write CSV aside and rename it."""
+        """Write CSV aside and rename it.
+
+        Raises:
+            InputError: when it cannot be written.
+        """
         plain = pa.table(
             {
                 name: column.cast(pa.string()) if name in self._identities else column
                 for name, column in zip(self.column_names, self._table.columns, strict=True)
             }
         )
-        aside = Path(f"{path}.part")
-        pacsv.write_csv(plain, aside)
-        os.replace(aside, path)
+        _write(path, lambda aside: pacsv.write_csv(plain, aside))
 
     @property
     def identities(self) -> tuple[str, ...]:
@@ -237,8 +258,6 @@ class Interactions:
         if name not in self._identities:
             raise unknown("identity", name, self._identities)
         column = self._table[name].combine_chunks()
-        if isinstance(column, pa.ChunkedArray):
-            column = column.chunk(0) if column.num_chunks else column.type.index_type
         codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int64)
         return codes, tuple(column.dictionary.to_pylist())
 
@@ -263,9 +282,39 @@ class Interactions:
         return cls(tables.combine_chunks(), parts[0].identities)
 
 
-def _column(values: Any, kind: pa.DataType) -> pa.Array:
-    if isinstance(values, np.ma.MaskedArray):
-        return pa.array(values.data, mask=np.ma.getmaskarray(values)).cast(kind)
-    if isinstance(values, np.ndarray):
-        return pa.array(np.ascontiguousarray(values)).cast(kind)
-    return pa.array(values, kind)
+def _write(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
+    aside = Path(f"{path}.part")
+    try:
+        write(aside)
+        os.replace(aside, path)
+    except OSError as error:
+        aside.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error}") from error
+
+
+def _column(name: str, values: Any) -> pa.Array:
+    """A fact of any array or sequence; what is masked, None or NaN is null."""
+    mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
+    # a copy, so that the table does not change with the caller's array
+    values = np.array(values) if isinstance(values, np.ndarray) else values
+    try:
+        return pa.array(values, mask=mask, from_pandas=True).cast(FACTS[name])
+    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
+        raise InputError(f"fact {name!r}: {error}") from error
+
+
+def _categorical(column: pa.Array) -> pa.Array:
+    """Text categories under int32 codes, none of them null or twice there."""
+    kind = pa.dictionary(pa.int32(), pa.string())
+    if pa.types.is_dictionary(column.type):
+        coded = column.cast(kind)
+        categories = coded.dictionary
+        if not categories.null_count and len(categories.unique()) == len(categories):
+            return coded
+    return column.cast(pa.string()).dictionary_encode()
+
+
+def _without_nan(column: pa.Array) -> pa.Array:
+    if not pa.types.is_floating(column.type):
+        return column
+    return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)

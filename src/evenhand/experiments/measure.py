@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import issues, people
+from evenhand import issues, people, robots
 from evenhand.interactions import Interactions
 from evenhand.learn.policy import Actor
 from evenhand.learn.train import TrainSettings
@@ -31,38 +31,26 @@ def serve_policy(
         seed: of people, places and chances; choose one that training never saw.
     """
     actor = Actor(state.policy)
-    return serve_with(
+    rng = np.random.default_rng(seed)
+    setups = layout.draw(people.population(settings.population), services, rng)
+    return _record(
         lambda seen, _: actor.probability(seen),
-        settings.population,
-        services,
-        np.random.default_rng(seed),
+        setups,
+        rng,
         name=settings.update.algorithm,
-        settings=settings.task,
+        decide=settings.task,
         sense=settings.sense,
     )
 
 
-def serve_with(
-    robot: serve.Robot,
-    population: str,
-    services: int,
-    rng: np.random.Generator,
-    *,
-    name: str,
-    settings: task.TaskSettings | None = None,
-    sense: senses.SenseSettings | None = None,
+def serve_scripted(
+    name: str, strength: float, population: str, services: int, seed: int
 ) -> Interactions:
-    """Serve people of a population with any robot."""
-    lanes = Lanes(min(LANES, services), settings or task.TaskSettings())
+    """Serve people with a scripted robot."""
+    scripted = robots.ScriptedRobot(name, strength)
+    rng = np.random.default_rng(seed)
     setups = layout.draw(people.population(population), services, rng)
-    done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings())
-    return serve.record(
-        done.facts,
-        setups.asking,
-        epoch=np.arange(services) // WINDOW,
-        scenario="even",
-        robot=name,
-    )
+    return _record(scripted.robot(setups.asking, rng), setups, rng, name=name)
 
 
 def perfect(table: Interactions) -> np.ndarray:
@@ -133,3 +121,24 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
 def _mean(values: np.ndarray) -> float | None:
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else None
+
+
+def _record(
+    robot: serve.Robot,
+    setups: layout.Setups,
+    rng: np.random.Generator,
+    *,
+    name: str,
+    decide: task.TaskSettings | None = None,
+    sense: senses.SenseSettings | None = None,
+) -> Interactions:
+    services = len(setups)
+    lanes = Lanes(min(LANES, services), decide or task.TaskSettings())
+    done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings())
+    return serve.record(
+        done.facts,
+        setups.asking,
+        epoch=np.arange(services) // WINDOW,
+        scenario="even",
+        robot=name,
+    )

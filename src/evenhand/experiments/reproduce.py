@@ -127,19 +127,7 @@ def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
         for name, value in asdict(settings).items()
         if name not in ("out", "workers", "seeds", "preset")
     }
-    path = out / "experiment.json"
-    if path.exists():
-        noted = files.read_json(path)
-        if noted != fixed:
-            differs = [name for name in fixed if noted.get(name) != fixed[name]]
-            raise InputError(
-                f"{out} holds another experiment ({', '.join(differs)} differ): give another "
-                "--out, or delete the folder"
-            )
-        return
-    if any(out.glob("[!.]*")):
-        raise InputError(f"{out} is not empty and holds no experiment: give another --out")
-    files.write_json(path, fixed)
+    files.claim_folder(out, "experiment.json", fixed)
 
 
 def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.Demos:

@@ -198,6 +198,7 @@ def train(
         even = guidance.person_rewards(scores, inside, biased, settings.guidance)
         advantage, target = _advantages(settings, state.policy, done, even, following)
         trajectories = Trajectories(done.observation, done.action, done.mask)
+        updating_at = perf_counter()
         state, report = update(state, trajectories, advantage, target, settings.update, rng)
         numbers = _numbers(settings, done.facts, scores, even)
         numbers |= {
@@ -205,7 +206,7 @@ def train(
             "biased_threshold": bool(scores.total > settings.threshold),
             "probability": float(np.nanmax(verdict.probability)),
             "time_serving": served_at - began,
-            "time_learning": perf_counter() - served_at,
+            "time_updating": perf_counter() - updating_at,
         }
         numbers |= {f"update_{name}": value for name, value in vars(report).items()}
         yield EpochRecord(epoch, _plain(numbers), table, state)
@@ -229,7 +230,7 @@ def _advantages(
     value = np.asarray(state_values(policy, done.observation))
     if settings.preset == "paper":
         ahead = task.observe(
-            people.encode(following.asking),
+            following.one_hot,
             following.start_distance,
             np.zeros(1),
             np.zeros(1),

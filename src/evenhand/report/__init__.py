@@ -37,11 +37,11 @@ def build(folder: Path | str) -> Path:
 
     folder = Path(folder)
     results = inputs.read(folder)
-    drawn = list(figures.draw_all(results))
-    page = html.render(results, drawn)
     target = folder / "report.html"
     try:
-        (folder / "figures").mkdir(exist_ok=True)
+        (folder / "figures").mkdir(exist_ok=True)  # before drawing: what cannot be kept is not made
+        drawn = list(figures.draw_all(results))
+        page = html.render(results, drawn)
         for figure in drawn:
             base = folder / "figures" / figure.plate.name
             _write(base.with_suffix(".svg"), figure.svg.encode())

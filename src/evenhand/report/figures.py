@@ -77,9 +77,9 @@ PLATES = (
         "Fig. 8",
         "learning",
         "Dot chart by preset and arm: total and chance floor, four issues, perfect services.",
-        figures_scores.tested_data,
-        figures_scores.tested_draw,
-        figures_scores.tested_caption,
+        figures_scores.scores_data,
+        figures_scores.scores_draw,
+        figures_scores.scores_caption,
     ),
     Plate(
         "biased_epochs",

@@ -20,7 +20,7 @@ from evenhand.report.tables import ISSUES, Table, mean_interval, table
 TESTED = ("total", *ISSUES, "perfect_rate")
 
 
-def tested_data(results: Results) -> Table:
+def scores_data(results: Results) -> Table:
     """Each seed, and the mean over seeds with its t interval."""
     rows: list[tuple[object, ...]] = []
     test = results["test"]
@@ -49,7 +49,7 @@ def tested_data(results: Results) -> Table:
     return table(names, rows)
 
 
-def tested_draw(data: Table, wide: bool) -> Figure:
+def scores_draw(data: Table, wide: bool) -> Figure:
     """Total score, the four issues, and service quality beside them; one row a preset."""
     presets, arms = data.distinct("preset"), arms_in(data)
     looks = style.looks(arms, style.ARMS)
@@ -116,7 +116,7 @@ def _dot(ax: Axes, part: Table, x: float, scale: float, look: style.Look) -> Non
         ax.plot([x - 0.085, x + 0.085], [floor, floor], color=style.INK, linewidth=1.4, zorder=5)
 
 
-def tested_caption(results: Results, data: Table) -> str:
+def scores_caption(results: Results, data: Table) -> str:
     """Services, seeds, intervals and the floor."""
     services = sorted(set(results["test"]["services"].tolist()))
     n = f"{services[0]:,}" if len(services) == 1 else f"{services[0]:,} to {services[-1]:,}"

@@ -215,9 +215,12 @@ def _guidance(results: Results, preset: str) -> tuple[str, str]:
     for algorithm in pairs:
         score = paired(results, preset, algorithm, "total")
         quality = paired(results, preset, algorithm, "perfect_rate")
+        change = (
+            f"changes by {say_estimate(score)} ({_verdict(score)})" if score.n else "is unknown"
+        )
         said.append(
-            f"{style.arm_label(algorithm)}: the total score changes by {say_estimate(score)} "
-            f"({_verdict(score)}), perfect services by {_points(quality)}"
+            f"{style.arm_label(algorithm)}: the total score {change}, perfect services by "
+            f"{_points(quality)}"
         )
     if not said:
         return head, "This run has no algorithm both with and without guidance."
@@ -246,5 +249,6 @@ def _detector(results: Results) -> tuple[str, str]:
         "Detector.",
         "The detector, fitted to the answers of simulated respondents, agrees with them in "
         f"{metric_text(results, 'accuracy')} of held-out windows, and with the manual threshold "
-        f"in {metric_text(results, 'threshold_agreement')}; the paper prints 98\N{NO-BREAK SPACE}%.",
+        f"in {metric_text(results, 'threshold_agreement')}; the paper prints "
+        "98\N{NO-BREAK SPACE}%.",
     )

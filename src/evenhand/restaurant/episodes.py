@@ -46,7 +46,9 @@ class Source:
         self._population = people.population(settings.population)
         self._sense = senses.SenseSettings(settings.noise, settings.dropout)
         self._readings = task.TaskSettings(settings.interval).decisions + 1
-        self._blocks: list[tuple[layout.Setups, senses.Chances] | None] = [None] * n
+        self._setups: dict[str, np.ndarray] = {}
+        self._chances: dict[str, np.ndarray] = {}
+        self._n = n
         self._next = np.full(n, _BLOCK)
 
     def forget(self, lane: int) -> None:
@@ -57,33 +59,28 @@ class Source:
         self, ids: np.ndarray, rngs: list[np.random.Generator]
     ) -> tuple[layout.Setups, senses.Chances]:
         """The next service of each of these lanes."""
-        rows = []
-        for lane in ids:
-            if self._next[lane] == _BLOCK:
-                rng = rngs[lane]
-                self._blocks[lane] = (
-                    layout.draw(self._population, _BLOCK, rng),
-                    senses.draw(self._sense, _BLOCK, self._readings, rng),
-                )
-                self._next[lane] = 0
-            block = self._blocks[lane]
-            assert block is not None
-            rows.append((block, self._next[lane]))
-            self._next[lane] += 1
-        setups = layout.Setups(
-            **{
-                f.name: np.stack([getattr(block[0], f.name)[at] for block, at in rows])
-                for f in fields(layout.Setups)
-            }
+        for lane in ids[self._next[ids] == _BLOCK]:
+            setups = layout.draw(self._population, _BLOCK, rngs[lane])
+            chances = senses.draw(self._sense, _BLOCK, self._readings, rngs[lane])
+            self._keep(self._setups, lane, vars(setups))
+            self._keep(self._chances, lane, vars(chances))
+            self._next[lane] = 0
+        at = self._next[ids]
+        self._next[ids] += 1
+        return (
+            layout.Setups(**{name: kept[ids, at] for name, kept in self._setups.items()}),
+            senses.Chances(**{name: kept[ids, at] for name, kept in self._chances.items()}),
         )
-        chances = senses.Chances(
-            np.stack([block[1].noise[at] for block, at in rows]),
-            np.stack([block[1].fails[at] for block, at in rows]),
-        )
-        return setups, chances
+
+    def _keep(self, store: dict[str, np.ndarray], lane: int, drawn: dict[str, np.ndarray]) -> None:
+        for name, values in drawn.items():
+            if name not in store:
+                store[name] = np.zeros((self._n, *values.shape), values.dtype)
+            store[name][lane] = values
 
 
 def observation_space() -> gym.spaces.Box:
+    """What one lane observes, see ``RestaurantEnv``."""
     high = np.ones(task.OBSERVATION_SIZE, np.float32)
     high[task.N_GROUPS] = task.DISTANCE_LIMIT
     return gym.spaces.Box(np.zeros_like(high), high, dtype=np.float32)
@@ -110,6 +107,7 @@ def finished(lanes: Lanes, ids: np.ndarray) -> tuple[dict[str, np.ndarray], np.n
 
 
 def settings_from(given: dict[str, Any]) -> RestaurantSettings:
+    """Settings from keyword arguments; an unknown name offers the nearest."""
     known = [f.name for f in fields(RestaurantSettings)]
     for name in given:
         if name not in known:

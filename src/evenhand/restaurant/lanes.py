@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenhand import people
 from evenhand.restaurant import layout, plan, senses, task
 from evenhand.restaurant.world import World
 
@@ -82,7 +81,7 @@ class Lanes:
             chances: of k services with ``settings.decisions + 1`` readings each.
         """
         self.world.place(ids, setups)
-        self._one_hot[ids] = people.encode(setups.asking)
+        self._one_hot[ids] = setups.one_hot
         self._start[ids] = setups.start_distance
         self._responded[ids] = False
         self._noise[ids], self._fails[ids] = chances.noise, chances.fails

@@ -34,6 +34,11 @@ class Setups:
         table: the table where a guest sits, -1 for a standing guest, int64 [N, 12].
         start: robot's centre, metres, float64 [N, 2].
         heading: robot's heading, radians, float64 [N].
+        one_hot: identities of the person who asks as the robot is told them, float32 [N, 22].
+        seat: unit vector from the table to the person, 0 for a standing one, [N, 2].
+        access: where the way to the person ends, metres, [N, 2].
+        discs: centres of what the robot must drive around, metres, [N, 19, 2].
+        around: radii of these discs, 0 for none, metres, [N, 19].
     """
 
     people: np.ndarray
@@ -44,6 +49,11 @@ class Setups:
     table: np.ndarray
     start: np.ndarray
     heading: np.ndarray
+    one_hot: np.ndarray
+    seat: np.ndarray
+    access: np.ndarray
+    discs: np.ndarray
+    around: np.ndarray
 
     def __len__(self) -> int:
         return len(self.start)
@@ -96,6 +106,9 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
     shape = shape_of(codes)
     towards_table = np.where(position[..., 1] > plan.TABLES[table, 1], -np.pi / 2, np.pi / 2)
     any_way = rng.uniform(-np.pi, np.pi, (n, plan.N_GUESTS))
+    person, seated = position[:, 0], table[:, 0] >= 0
+    out = person - plan.TABLES[table[:, 0]]
+    discs, around = obstacles(position, table)
     return Setups(
         people=codes,
         position=position,
@@ -105,6 +118,11 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
         table=table,
         start=start,
         heading=rng.uniform(-np.pi, np.pi, n),
+        one_hot=people.encode(codes[:, 0]),
+        seat=np.where(seated[:, None], out / np.hypot(out[:, 0], out[:, 1])[:, None], 0.0),
+        access=access_point(person, table[:, 0]),
+        discs=discs,
+        around=around,
     )
 
 

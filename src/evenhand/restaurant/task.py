@@ -111,55 +111,44 @@ def _around(
 
     Two rounds: the tangent of the first disc may lead into a second.
     """
-    n = len(robot)
-    rows = np.arange(n)
+    way = goal - robot
+    far = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2)
+    unit = way / np.maximum(far, 1e-9)[:, None]
+    length = np.minimum(far, np.maximum(reach, 0.0))
     rel_x = centre[:, :, 0] - robot[:, 0, None]
     rel_y = centre[:, :, 1] - robot[:, 1, None]
-    far = np.hypot(rel_x, rel_y)
-    way = goal - robot
-    length = np.minimum(np.hypot(way[:, 0], way[:, 1]), np.maximum(reach, 0.0))
-    unit = way / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-9)[:, None]
+    rows = np.arange(len(robot))
     for _ in range(2):
-        along = rel_x * unit[:, 0, None] + rel_y * unit[:, 1, None]
-        across = rel_x * unit[:, 1, None] - rel_y * unit[:, 0, None]
-        # a disc is entered only if its middle lies ahead, before the goal or around it
-        near = np.minimum(along, length[:, None])
-        miss = np.hypot(across, along - near)
-        hit = (miss < around) & (along > 0.0) & (length > 0.0)[:, None]
-        entry = np.where(hit, along - around, np.inf)
-        first = entry.argmin(axis=1)
-        blocked = hit[rows, first]
-        if not blocked.any():
+        x, y = rel_x[rows], rel_y[rows]
+        ux, uy = unit[rows, 0, None], unit[rows, 1, None]
+        wide, ahead = around[rows], length[rows, None]
+        along = x * ux + y * uy
+        across = x * uy - y * ux
+        # a disc is in the way only if its middle lies ahead, before the goal or around it
+        beyond = along - np.minimum(along, ahead)
+        hit = (across * across + beyond * beyond < wide * wide) & (along > 0.0) & (ahead > 0.0)
+        blocked = np.flatnonzero(hit.any(axis=1))
+        if not len(blocked):
             break
-        unit = np.where(
-            blocked[:, None],
-            _tangent(
-                robot,
-                rel_x[rows, first],
-                rel_y[rows, first],
-                far[rows, first],
-                around[rows, first],
-                across[rows, first],
-            ),
-            unit,
-        )
+        first = np.where(hit, along - wide, np.inf)[blocked].argmin(axis=1)
+        rows = rows[blocked]
+        unit[rows] = _tangent(
+            robot[rows], x[blocked, first], y[blocked, first], wide[blocked, first],
+            across[blocked, first],
+        )  # fmt: skip
     return unit
 
 
 def _tangent(
-    robot: np.ndarray,
-    rel_x: np.ndarray,
-    rel_y: np.ndarray,
-    far: np.ndarray,
-    radius: np.ndarray,
-    across: np.ndarray,
+    robot: np.ndarray, rel_x: np.ndarray, rel_y: np.ndarray, radius: np.ndarray, across: np.ndarray
 ) -> np.ndarray:
-    """Direction that just passes a disc on the nearer side that lies inside the room, [n, 2]."""
-    sine = np.minimum(radius / np.maximum(far, 1e-9), 1.0)
+    """Direction that just passes a disc on the nearer side that lies inside the room, [k, 2]."""
+    far = np.maximum(np.sqrt(rel_x**2 + rel_y**2), 1e-9)
+    sine = np.minimum(radius / far, 1.0)
     cosine = np.sqrt(1.0 - sine**2)
+    ux, uy = rel_x / far, rel_y / far
     # side +1 passes with the disc on the right
     side = np.where(across > 0, 1.0, -1.0)
-    ux, uy = rel_x / np.maximum(far, 1e-9), rel_y / np.maximum(far, 1e-9)
 
     def direction(s: np.ndarray) -> np.ndarray:
         return np.stack([ux * cosine - s * uy * sine, uy * cosine + s * ux * sine], axis=1)
@@ -171,9 +160,8 @@ def _tangent(
         chosen = np.where(outside[:, None], direction(-side), chosen)
     inside = far < radius
     if inside.any():  # pushed into the margin: slide along the rim and drift outwards
-        out = -np.stack([ux, uy], axis=1)
-        slide = chosen + 0.5 * out
-        slide /= np.hypot(slide[:, 0], slide[:, 1])[:, None]
+        slide = chosen - 0.5 * np.stack([ux, uy], axis=1)
+        slide /= np.sqrt((slide**2).sum(axis=1))[:, None]
         chosen = np.where(inside[:, None], slide, chosen)
     return chosen
 

@@ -20,7 +20,7 @@ from evenhand.restaurant.lanes import Lanes
 class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many restaurants at once; lane i with seed s is ``RestaurantEnv`` with seed s + i.
 
-    Spaces, rewards and facts are those of :class:`evenhand.restaurant.env.RestaurantEnv`, batched. All three autoreset
+    Spaces, rewards and facts are those of the single environment, batched. All three autoreset
     modes of Gymnasium are honoured.
     """
 

@@ -14,7 +14,6 @@ from mujoco.batch import Batch
 from evenhand.restaurant import layout, plan, scene, task
 
 _VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
-_NONE = int(mujoco.mjtStage.mjSTAGE_NONE)
 
 
 class World:
@@ -30,13 +29,14 @@ class World:
 
     def __init__(self, n: int) -> None:
         self.n = n
-        self._batch = Batch(scene.model(), n, 1, persistent=True)
+        self._batch = Batch(scene.model(), n, 1)
+        self._batch.reset()
+        self._fresh = self._batch.state[:1].copy()
         self._qpos = self._batch.bind("qpos")
         self._ctrl = self._batch.bind("ctrl")
         self._mocap = self._batch.bind("mocap_pos")
         self._quat = self._batch.bind("mocap_quat")
         self._sensor = self._batch.bind("sensordata")
-        self._contacts = self._batch.bind("ncon")
         sizes = self._batch.expand("geom_size")
         names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
         self._guest_geoms = np.array([scene.model().geom(name).id for name in names])
@@ -64,6 +64,11 @@ class World:
         return self._qpos
 
     @property
+    def command(self) -> np.ndarray:
+        """Commands of the drives: x, y (m/s), yaw (rad/s), [n, 3]."""
+        return self._ctrl
+
+    @property
     def sensed(self) -> np.ndarray:
         """What the distance sensor measures now, metres, [n]."""
         return np.hypot(self._sensor[:, 0], self._sensor[:, 1])
@@ -80,7 +85,8 @@ class World:
             ids: simulations, sorted, int [k].
             setups: one set-up each, k rows.
         """
-        self._batch.reset(ids, stage=_NONE)
+        # a state row is all that a simulation is, so a fresh one is a reset
+        self._batch.state[ids] = self._fresh
         self._qpos[ids, :2] = setups.start
         self._qpos[ids, 2] = setups.heading
         self._mocap[ids, :, :2] = setups.position
@@ -88,20 +94,16 @@ class World:
         self._quat[ids] = _yaw_quaternion(setups.facing)
         self._sizes[ids[:, None], self._guest_geoms, 0] = setups.radius
         self._batch.forward(ids, stage=_VEL)
-        person, table = setups.position[:, 0], setups.table[:, 0]
-        self._person[ids] = person
+        self._person[ids] = setups.position[:, 0]
         self._radius[ids] = setups.radius[:, 0]
-        self._seat[ids] = np.where(
-            (table >= 0)[:, None],
-            (person - plan.TABLES[table]) / np.hypot(*(person - plan.TABLES[table]).T)[:, None],
-            0.0,
-        )
-        self._access[ids] = layout.access_point(person, table)
-        self._discs[ids], self._around[ids] = layout.obstacles(setups.position, table=setups.table)
+        self._seat[ids] = setups.seat
+        self._access[ids] = setups.access
+        self._discs[ids] = setups.discs
+        self._around[ids] = setups.around
         self.steps[ids] = 0
         self.distance[ids] = self.min_distance[ids] = setups.start_distance
         self.path_length[ids] = 0.0
-        self.contact_steps[ids] = self._contacts[ids] > 0
+        self.contact_steps[ids] = 0
 
     def walk(self, ids: np.ndarray | None, steps: int) -> None:
         """Drive towards the person for some physics steps.
@@ -122,23 +124,18 @@ class World:
             self._discs[pick],
             self._around[pick],
         )
-        before = self._qpos[pick, :2].copy()
-        least, path = self.min_distance[pick], self.path_length[pick]
-        touched = self.contact_steps[pick]
-        distance = least
-        for _ in range(steps):
-            self._batch.step(ids, stage=_VEL)
-            now = self._qpos[pick, :2]
-            gap, move = person - now, now - before
-            distance = np.sqrt(gap[:, 0] ** 2 + gap[:, 1] ** 2)
-            least = np.minimum(least, distance)
-            path = path + np.sqrt(move[:, 0] ** 2 + move[:, 1] ** 2)
-            touched = touched + (self._contacts[pick] > 0)
-            before = now.copy()
-        self.distance[pick] = distance
-        self.min_distance[pick] = least
-        self.path_length[pick] = path
-        self.contact_steps[pick] = touched
+        before = self._qpos[pick, None, :2].copy()
+        # recorded after every physics step, so that no moment of coming close is missed
+        seen = self._batch.rollout(steps, record=("qpos", "ncon"), ids=ids)
+        self._batch.forward(ids, stage=_VEL)  # sensors at the new state, not a step behind
+        track = seen["qpos"][:, :, :2]
+        gap = person[:, None] - track
+        distance = np.sqrt(gap[..., 0] ** 2 + gap[..., 1] ** 2)
+        move = np.diff(track, axis=1, prepend=before)
+        self.distance[pick] = distance[:, -1]
+        self.min_distance[pick] = np.minimum(self.min_distance[pick], distance.min(axis=1))
+        self.path_length[pick] += np.sqrt(move[..., 0] ** 2 + move[..., 1] ** 2).sum(axis=1)
+        self.contact_steps[pick] += (seen["ncon"] > 0).sum(axis=1)
         self.steps[pick] += steps
 
     def snapshot(self, sim: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -1,0 +1,258 @@
+"""Speed, measured side by side in one run: every number is a median over rounds that take turns.
+
+The bare loop steps one ``MjData`` with ``mj_step`` through services that the environment has
+served before: the same model, places and drive commands, and nothing else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from mujoco.batch import Batch
+
+from evenhand import detector_io, people
+from evenhand import show as display
+from evenhand.errors import InputError
+
+from evenhand.interactions import Interactions
+from evenhand.learn import train
+from evenhand.learn.policy import Actor
+from evenhand.learn.train import begin
+from evenhand.restaurant import layout, plan, scene, senses, task
+from evenhand.restaurant.env import RestaurantEnv
+from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.vector import RestaurantVectorEnv
+
+ROUNDS = 5
+_SERVICES = 40
+_EPOCHS = 12
+Stepper = Callable[[float], tuple[int, int]]
+"""Run for so many seconds; returns physics steps and finished services."""
+
+
+def measure(seconds: float) -> dict[str, Any]:
+    """All measurements.
+
+    Args:
+        seconds: of each measurement in each round.
+
+    Returns:
+        ``bare_steps_per_s``, ``env_steps_per_s_30``, ``env_steps_per_s_240``,
+        ``sync_steps_per_s``, services a second likewise, ``ratio_30`` and ``ratio_240`` (to the
+        bare loop), ``ratio_sync`` (30 at a time, to SyncVectorEnv), ``epoch_share``, and the
+        circumstances.
+    """
+    if not 0.01 <= seconds <= 600:
+        raise InputError(f"seconds is {seconds}: give 0.01 to 600")
+    actor = Actor(begin(train.preset("service", "ppo", True)).policy)
+    works: dict[str, Stepper] = {
+        "bare": _bare(),
+        "env_30": _vector(30, actor),
+        "env_240": _vector(240, actor),
+        "sync": _sync(30, actor),
+    }
+    rates: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
+    for work in works.values():
+        work(min(seconds, 0.3))  # warm
+    for _ in range(ROUNDS):
+        for name, work in works.items():
+            began = perf_counter()
+            steps, services = work(seconds)
+            spent = perf_counter() - began
+            rates[name].append((steps / spent, services / spent))
+    speed = {name: np.array(rate) for name, rate in rates.items()}
+    steps = {name: float(np.median(rate[:, 0])) for name, rate in speed.items()}
+
+    def ratio(a: str, b: str) -> float:
+        """Median over rounds, so that a slow moment hits both."""
+        return round(float(np.median(speed[a][:, 0] / speed[b][:, 0])), 3)
+
+    return {
+        "bare_steps_per_s": round(steps["bare"]),
+        "env_steps_per_s_30": round(steps["env_30"]),
+        "env_steps_per_s_240": round(steps["env_240"]),
+        "sync_steps_per_s": round(steps["sync"]),
+        "services_per_s_30": round(float(np.median(speed["env_30"][:, 1])), 1),
+        "services_per_s_240": round(float(np.median(speed["env_240"][:, 1])), 1),
+        "sync_services_per_s": round(float(np.median(speed["sync"][:, 1])), 1),
+        "ratio_30": ratio("env_30", "bare"),
+        "ratio_240": ratio("env_240", "bare"),
+        "ratio_sync": ratio("env_30", "sync"),
+        "epoch_share": epoch_share(),
+        "rounds": ROUNDS,
+        "seconds": seconds,
+        "cpus": os.cpu_count(),
+        "mujoco": mujoco.__version__,
+    }
+
+
+def _bare() -> Stepper:
+    """One MjData stepped through recorded services."""
+    lean = scene.model()
+    recorded = _record_drives()
+    models, data = [], mujoco.MjData(lean)
+    for state, sizes, commands in recorded:
+        model = lean.__copy__()
+        model.geom_size[:] = sizes
+        models.append((model, state, commands))
+
+    def run(seconds: float) -> tuple[int, int]:
+        end, steps, services = perf_counter() + seconds, 0, 0
+        step = mujoco.mj_step
+        while perf_counter() < end:
+            model, state, commands = models[services % len(models)]
+            mujoco.mj_setState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
+            for command in commands:
+                data.ctrl[:] = command
+                for _ in range(5):
+                    step(model, data)
+            steps += 5 * len(commands)
+            services += 1
+        return steps, services
+
+    return run
+
+
+def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
+    """State at the start, sizes of the guests, and drive commands of some proper services."""
+    rng = np.random.default_rng(0)
+    settings = task.TaskSettings(5)
+    lanes = Lanes(_SERVICES, settings)
+    ids = np.arange(_SERVICES)
+    setups = layout.draw(people.population("uniform"), _SERVICES, rng)
+    chances = senses.draw(senses.SenseSettings(), _SERVICES, settings.decisions + 1, rng)
+    lanes.begin(ids, setups, chances)
+    kept = []
+    for lane in ids:
+        model, data = lanes.world.snapshot(lane)
+        state = np.empty(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION)))
+        mujoco.mj_getState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
+        kept.append((state, model.geom_size.copy(), []))
+    active = ids
+    while len(active):
+        active = active[lanes.reading[active] > 1.25]
+        if not len(active):
+            break
+        ended = lanes.walk(active)
+        for lane in active:
+            kept[lane][2].append(lanes.world.command[lane].copy())
+        active = active[~ended]
+    return kept
+
+
+def _vector(n: int, actor: Actor) -> Stepper:
+    """The vector environment with policy, observations and records."""
+    env = RestaurantVectorEnv(n, AutoresetMode.SAME_STEP)
+    rng = np.random.default_rng(0)
+    state = {"seen": env.reset(seed=0)[0]}
+
+    def run(seconds: float) -> tuple[int, int]:
+        end, steps, services = perf_counter() + seconds, 0, 0
+        while perf_counter() < end:
+            actions = (rng.random(n) < actor.probability(state["seen"])).astype(np.int64)
+            state["seen"], _, ended, _, info = env.step(actions)
+            steps += env.settings.interval * int(n - actions.sum())
+            if ended.any():
+                services += len(_records(info["final_info"]["facts"], ended))
+        return steps, services
+
+    return run
+
+
+def _records(facts: dict[str, np.ndarray], ended: np.ndarray) -> Interactions:
+    return Interactions.build(
+        {},
+        {
+            name: facts[name][ended]
+            for name in ("responded", "min_distance", "steps", "start_distance", "path_length")
+        },
+    )
+
+
+def _sync(n: int, actor: Actor) -> Stepper:
+    """The same work by Gymnasium's SyncVectorEnv over the single environment."""
+    env = SyncVectorEnv([RestaurantEnv] * n, autoreset_mode=AutoresetMode.SAME_STEP)
+    rng = np.random.default_rng(0)
+    state = {"seen": env.reset(seed=0)[0]}
+
+    def run(seconds: float) -> tuple[int, int]:
+        end, steps, services = perf_counter() + seconds, 0, 0
+        while perf_counter() < end:
+            actions = (rng.random(n) < actor.probability(state["seen"])).astype(np.int64)
+            state["seen"], _, ended, _, info = env.step(actions)
+            steps += 5 * int(n - actions.sum())
+            if ended.any():
+                services += len(_records(info["final_info"]["facts"], ended))
+        return steps, services
+
+    return run
+
+
+def epoch_share() -> dict[str, float]:
+    """Shares of an epoch of PPO on the service preset: physics, policy, update, rest."""
+    settings = train.preset("service", "ppo", True, epochs=_EPOCHS + 2)
+    judge = detector_io.load(detector_io.SHIPPED)
+    physics = policy = update = 0.0
+    with _timed(Batch, "step") as stepping, _timed(Actor, "probability") as acting:
+        whole = 0.0
+        mark = perf_counter()
+        for record in train.train(settings, judge):
+            now = perf_counter()
+            if record.epoch >= 2:  # the first ones compile
+                whole += now - mark
+                physics, policy = physics + stepping[0], policy + acting[0]
+                update += record.numbers["time_updating"]
+            stepping[0] = acting[0] = 0.0
+            mark = perf_counter()
+    shares = {"physics": physics / whole, "policy": policy / whole, "update": update / whole}
+    shares["rest"] = 1.0 - sum(shares.values())
+    return {name: round(share, 3) for name, share in shares.items()}
+
+
+@contextlib.contextmanager
+def _timed(owner: type, name: str) -> Iterator[list[float]]:
+    """Add up the seconds spent in a method."""
+    original, spent = getattr(owner, name), [0.0]
+
+    def timed(*args: Any, **kwargs: Any) -> Any:
+        began = perf_counter()
+        out = original(*args, **kwargs)
+        spent[0] += perf_counter() - began
+        return out
+
+    setattr(owner, name, timed)
+    try:
+        yield spent
+    finally:
+        setattr(owner, name, original)
+
+
+def show(found: dict[str, Any]) -> None:
+    """Print the measurements."""
+    display.table(
+        f"Physics steps of {plan.TIMESTEP} s, median of {found['rounds']} rounds",
+        ("what", "steps/s", "services/s"),
+        [
+            ("bare mj_step loop", found["bare_steps_per_s"], None),
+            ("30 services at a time", found["env_steps_per_s_30"], found["services_per_s_30"]),
+            ("240 services at a time", found["env_steps_per_s_240"], found["services_per_s_240"]),
+            ("SyncVectorEnv, 30", found["sync_steps_per_s"], found["sync_services_per_s"]),
+        ],
+    )
+    display.table(
+        "Ratios",
+        ("30 to bare", "240 to bare", "30 to SyncVectorEnv"),
+        [(found["ratio_30"], found["ratio_240"], found["ratio_sync"])],
+    )
+    display.table(
+        "Share of an epoch (PPO, service preset)",
+        tuple(found["epoch_share"]),
+        [tuple(found["epoch_share"].values())],
+    )
