@@ -1,5 +1,8 @@
 """Speed, measured side by side in one run: every number is a median over rounds that take turns.
 
+Rates are per second of processor time of this one-threaded process, so that other work on the
+machine disturbs them little.
+
 The bare loop steps one ``MjData`` with ``mj_step`` through services that the environment has
 served before: the same model, places and drive commands, and nothing else.
 """
@@ -9,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterator
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import mujoco
@@ -63,9 +66,9 @@ def measure(seconds: float) -> dict[str, Any]:
         work(min(seconds, 0.3))  # warm
     for _ in range(ROUNDS):
         for name, work in works.items():
-            began = perf_counter()
+            began = process_time()
             steps, services = work(seconds)
-            spent = perf_counter() - began
+            spent = process_time() - began
             rates[name].append((steps / spent, services / spent))
     speed = {name: np.array(rate) for name, rate in rates.items()}
     steps = {name: float(np.median(rate[:, 0])) for name, rate in speed.items()}
@@ -128,7 +131,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     ids = np.arange(_SERVICES)
     setups = layout.draw(people.population("uniform"), _SERVICES, rng)
     chances = senses.draw(senses.SenseSettings(), _SERVICES, settings.decisions + 1, rng)
-    lanes.begin(ids, setups, chances)
+    lanes.begin(ids, lanes.prepare(setups, chances))
     kept = []
     for lane in ids:
         model, data = lanes.world.snapshot(lane)

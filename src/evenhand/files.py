@@ -112,7 +112,8 @@ def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
     if path.exists():
         noted = read_json(path)
         if noted != content:
-            differs = [name for name in content if noted.get(name) != content[name]]
+            known = noted if isinstance(noted, dict) else {}
+            differs = sorted(n for n in {*known, *content} if known.get(n) != content.get(n))
             raise InputError(
                 f"{folder} holds another experiment ({', '.join(differs)} differ): give another "
                 "folder, or delete this one"

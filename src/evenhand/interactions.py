@@ -317,4 +317,4 @@ def _categorical(column: pa.Array) -> pa.Array:
 def _without_nan(column: pa.Array) -> pa.Array:
     if not pa.types.is_floating(column.type):
         return column
-    return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)
+    return pa.array(column.to_numpy(zero_copy_only=False), from_pandas=True)

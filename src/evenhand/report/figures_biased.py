@@ -41,7 +41,7 @@ def biased_data(results: Results) -> Table:
                 mean = mean_interval(counts.values())
                 length = max(judged.values())
                 printed = PAPER_BIASED.get(arm) if judge == "detector" else None
-                paper = printed * length / PAPER_EPOCHS if printed else None
+                paper = printed * length / PAPER_EPOCHS if printed and length else None
                 rows.append(
                     (preset, arm, judge, "mean", mean.mean, mean.low, mean.high, length, paper)
                 )
@@ -103,6 +103,8 @@ def biased_draw(data: Table, wide: bool) -> Figure:
 def biased_caption(results: Results, data: Table) -> str:
     """Epochs, seeds, and the paper's two counts."""
     length = int(data["judged_epochs"].max())
+    if not length:
+        return "No epoch of this run was judged."
     scaled = "" if length == PAPER_EPOCHS else f", scaled from {PAPER_EPOCHS} to {length} epochs"
     return (
         f"Epochs judged as biased, of {length}, during learning; "

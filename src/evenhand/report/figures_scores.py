@@ -58,7 +58,7 @@ def scores_draw(data: Table, wide: bool) -> Figure:
     titles = {"T": "total issue score", "I": "four issues", "Q": "perfect services, %"}
     mosaic = "TIIIQ" if wide else "TQ\nII"
     tops = {
-        key: np.nanmax([_top(data, measures), _top(data, measures, "chance_floor"), 1e-3])
+        key: np.nanmax([_top(data, measures), _top(data, measures, "chance_floor"), 0.05])
         for key, measures in parts.items()
     }
     blocks = figure.subfigures(len(presets), 1, squeeze=False, hspace=0.03)[:, 0]

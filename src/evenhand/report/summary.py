@@ -181,6 +181,8 @@ def _preset(results: Results, preset: str) -> tuple[str, str]:
         f"gives a perfectly even robot with the same issue rates {_span(floors)}. "
     )
     down = [style.arm_label(arm) for arm, part in parts.items() if levels_down(part)]
+    if not down and any(math.isnan(value) for value in (*totals, *perfect)):
+        return head, text + "Whether an arm levels down cannot be said: scores are missing."
     if not down:
         return head, text + "No arm levels down."
     which = f"All {len(parts)} arms level" if len(down) == len(parts) else _list(down)
@@ -215,24 +217,22 @@ def _guidance(results: Results, preset: str) -> tuple[str, str]:
     for algorithm in pairs:
         score = paired(results, preset, algorithm, "total")
         quality = paired(results, preset, algorithm, "perfect_rate")
-        change = (
-            f"changes by {say_estimate(score)} ({_verdict(score)})" if score.n else "is unknown"
-        )
         said.append(
-            f"{style.arm_label(algorithm)}: the total score {change}, perfect services by "
-            f"{_points(quality)}"
+            f"{style.arm_label(algorithm)}: total score {say_estimate(score)}{_verdict(score)}, "
+            f"perfect services {_points(quality)}."
         )
     if not said:
         return head, "This run has no algorithm both with and without guidance."
-    return head, f"Guided minus unguided, paired by seed. {'; '.join(said)}."
+    return head, f"Guided minus unguided, paired by seed. {' '.join(said)}"
 
 
 def _verdict(change: Estimate) -> str:
+    """What the interval says, in brackets; nothing without an interval."""
     if not change.has_interval:
-        return "too few seeds to say"
+        return ""
     if change.high < 0:
-        return "lower"
-    return "higher" if change.low > 0 else "no clear difference"
+        return " (lower)"
+    return " (higher)" if change.low > 0 else " (no clear difference)"
 
 
 def _points(change: Estimate) -> str:
@@ -247,8 +247,7 @@ def _points(change: Estimate) -> str:
 def _detector(results: Results) -> tuple[str, str]:
     return (
         "Detector.",
-        "The detector, fitted to the answers of simulated respondents, agrees with them in "
-        f"{metric_text(results, 'accuracy')} of held-out windows, and with the manual threshold "
-        f"in {metric_text(results, 'threshold_agreement')}; the paper prints "
-        "98\N{NO-BREAK SPACE}%.",
+        "Fitted to the answers of simulated respondents. Held-out windows in which it agrees with "
+        f"them: {metric_text(results, 'accuracy')}; with the manual threshold: "
+        f"{metric_text(results, 'threshold_agreement')} (the paper prints 98\N{NO-BREAK SPACE}%).",
     )

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from evenhand.restaurant import plan, props
-from evenhand.restaurant.props import CREAM, DARK_WOOD, ENCLOSURE, GLOW, SAGE, Brush, Rgb, hue
+from evenhand.restaurant.props import CREAM, DARK_WOOD, INDOORS, GLOW, SAGE, Brush, Rgb, hue
 
 CAMERAS = MappingProxyType(
     {
@@ -50,10 +50,10 @@ def dress_room(spec: mujoco.MjSpec) -> None:
     _kitchen(world)
     for t, centre in enumerate(plan.TABLES):
         props.table(Brush(world, f"look_table{t}"), centre, plan.TABLE_RADIUS)
-        _pendant(Brush(world, f"look_pendant{t}", group=ENCLOSURE), centre)
+        _pendant(Brush(world, f"look_pendant{t}", group=INDOORS), centre)
     for c, centre in enumerate(plan.CHAIRS):
         brush = Brush(world, f"look_chair{c}")
-        brush.shade(centre, 0.27)
+        brush.spot("shade", (*centre, 0.006), 0.34)
         props.chair(brush, centre, facing=1.0 if c % 2 == 0 else -1.0)
     _outside(world)
 
@@ -62,11 +62,11 @@ def _picture(spec: mujoco.MjSpec) -> None:
     """Size of the picture, lights, and cameras."""
     visual = spec.visual
     visual.global_.offwidth, visual.global_.offheight = LARGEST
-    visual.quality.offsamples = 4
+    visual.quality.offsamples = 0
     visual.quality.numslices, visual.quality.numstacks = 24, 12
-    visual.map.znear, visual.map.zfar = 0.02, 4.0
+    visual.map.znear, visual.map.zfar = 0.02, 6.0
     spec.stat.extent, spec.stat.center = 9.0, [0.0, 0.0, 0.5]
-    visual.headlight.ambient = [0.40, 0.38, 0.36]
+    visual.headlight.ambient = [0.46, 0.44, 0.41]
     visual.headlight.diffuse = [0.20, 0.19, 0.18]
     visual.headlight.specular = [0.05, 0.05, 0.05]
     spec.add_texture(
@@ -80,7 +80,7 @@ def _picture(spec: mujoco.MjSpec) -> None:
     )
     world = spec.worldbody
     for name, towards, colour in (
-        ("lamp_warm", (0.45, 0.55, -0.9), (0.46, 0.42, 0.35)),
+        ("lamp_warm", (0.45, 0.55, -0.9), (0.50, 0.46, 0.39)),
         ("lamp_soft", (-0.7, -0.25, -0.6), (0.14, 0.15, 0.18)),
     ):
         world.add_light(
@@ -92,20 +92,16 @@ def _picture(spec: mujoco.MjSpec) -> None:
             specular=[0.5 * c for c in colour],
             castshadow=False,
         )
-    for name, fovy in (("room", 30.0), ("robot", 55.0), ("guest", 52.0)):
+    for name, fovy in (("room", 24.0), ("robot", 55.0), ("guest", 56.0)):
         world.add_camera(name=name, fovy=fovy)
 
 
 def _floor(spec: mujoco.MjSpec) -> None:
     """Boards on a slab."""
-    spec.add_texture(
-        name="boards",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=512,
-        height=512,
-        nchannel=3,
-        data=_boards(512).tobytes(),
+    texture = spec.add_texture(
+        name="boards", type=mujoco.mjtTexture.mjTEXTURE_2D, width=512, height=512, nchannel=3
     )
+    texture.data = _boards(512).tobytes()
     material = spec.add_material(
         name="boards", specular=0.15, shininess=0.3, texuniform=True, texrepeat=[0.45, 0.45]
     )
@@ -121,8 +117,11 @@ def _floor(spec: mujoco.MjSpec) -> None:
         contype=0,
         conaffinity=0,
     )
-    slab = (x + 2 * _THICK, y + 2 * _THICK, 0.1)
-    Brush(world, "look_slab").box("base", (0, 0, -0.11), slab, hue(DARK_WOOD, 0.9))
+    wide, deep = x + 2 * _THICK, y + 2 * _THICK
+    slab = Brush(world, "look_slab")
+    slab.box("base", (0, 0, -0.11), (wide, deep, 0.1), hue(DARK_WOOD, 0.9))
+    rgb, half = (0.35, 0.25, 0.18), (1.3 * wide, 1.45 * deep, 0.001)
+    slab.box("shade", (0, 0, -0.22), half, rgb, surface="shade", alpha=0.7)
 
 
 def _boards(size: int) -> np.ndarray:
@@ -148,12 +147,19 @@ def _walls(world: mujoco.MjsBody) -> None:
     north = Brush(world, "look_north")
     at, thick = y + _THICK, _THICK
     side = (x - half) / 2 + _THICK
+    up = (_WALL - 1.0) / 2
     for name, sign in (("west", -1), ("east", 1)):
         middle = sign * (half + side)
-        north.box(f"panel_{name}", (middle, at, 0.5), (side, thick, 0.5), SAGE)
-        north.box(f"wall_{name}", (middle, at, 1 + (_WALL - 1) / 2), (side, thick, (_WALL - 1) / 2), CREAM)
-    north.box("panel", (0, at, low / 2), (half, thick, low / 2), SAGE)
-    north.box("wall", (0, at, (high + _WALL) / 2), (half, thick, (_WALL - high) / 2), CREAM)
+        north.box(f"panel_{name}", (middle, at, 0.5), (side, thick, 0.5), SAGE, surface="wall")
+        north.box(f"wall_{name}", (middle, at, 1 + up), (side, thick, up), CREAM, surface="wall")
+    north.box("panel", (0, at, low / 2), (half, thick, low / 2), SAGE, surface="wall")
+    north.box(
+        "wall",
+        (0, at, (high + _WALL) / 2),
+        (half, thick, (_WALL - high) / 2),
+        CREAM,
+        surface="wall",
+    )
     north.box("rail", (0, y - 0.01, 1.0), (x, 0.015, 0.025), DARK_WOOD)
     north.box("skirting", (0, y - 0.005, 0.05), (x, 0.01, 0.05), DARK_WOOD)
     north.box("cornice", (0, at, _WALL + 0.03), (x + 2 * _THICK, thick + 0.03, 0.03), DARK_WOOD)
@@ -162,15 +168,25 @@ def _walls(world: mujoco.MjsBody) -> None:
     for k, centre in enumerate((-4.1, -1.9, 1.9, 4.1)):
         brush = Brush(world, f"look_sconce{k}")
         brush.box("plate", (centre, y - 0.01, 1.85), (0.04, 0.012, 0.09), props.BRASS)
+        glow = (centre, y - 0.004, 1.92)
+        brush.spot("glow", glow, 0.55, GLOW, 0.45, "shine", quat=[0.7071068, 0.7071068, 0.0, 0.0])
         brush.ball("globe", (centre, y - 0.06, 1.92), (0.06, 0.05, 0.08), GLOW, surface="lamp")
     for name, sign in (("west", -1), ("east", 1)):
         brush = Brush(world, f"look_{name}")
         at = sign * (x + _THICK)
         brush.box("panel", (at, 0, _PARAPET / 2), (_THICK, y + 2 * _THICK, _PARAPET / 2), SAGE)
-        brush.box("rail", (at, 0, _PARAPET + 0.02), (_THICK + 0.02, y + 2 * _THICK, 0.02), DARK_WOOD)
-        upper = Brush(world, f"look_upper_{name}", group=ENCLOSURE)
+        brush.box(
+            "rail", (at, 0, _PARAPET + 0.02), (_THICK + 0.02, y + 2 * _THICK, 0.02), DARK_WOOD
+        )
+        upper = Brush(world, f"look_upper_{name}", group=INDOORS)
         half_up = (_WALL - _PARAPET) / 2
-        upper.box("wall", (at, 0, _PARAPET + half_up), (_THICK, y + 2 * _THICK, half_up), CREAM)
+        upper.box(
+            "wall",
+            (at, 0, _PARAPET + half_up),
+            (_THICK, y + 2 * _THICK, half_up),
+            CREAM,
+            surface="wall",
+        )
         for k, along in enumerate((-2.0, 0.0, 2.0)):
             frame = (at - sign * _THICK, along, 1.75)
             upper.box(f"frame{k}", frame, (0.02, 0.48, 0.33), DARK_WOOD)
@@ -179,21 +195,26 @@ def _walls(world: mujoco.MjsBody) -> None:
             upper.ball(f"hill{k}", (frame[0], along - 0.1, 1.60), (0.03, 0.24, 0.11), SAGE)
     kerb = Brush(world, "look_kerb")
     kerb.box("south", (0, -y - _THICK, 0.06), (x, _THICK, 0.06), DARK_WOOD)
-    south = Brush(world, "look_south", group=ENCLOSURE)
-    south.box("panel", (0, -y - _THICK, 0.5), (x, 0.9 * _THICK, 0.5), SAGE)
-    south.box("wall", (0, -y - _THICK, 1 + (_WALL - 1) / 2), (x, 0.9 * _THICK, (_WALL - 1) / 2), CREAM)
+    south = Brush(world, "look_south", group=INDOORS)
+    at, thick = -y - _THICK, 0.9 * _THICK
+    south.box("panel", (0, at, 0.5), (x, thick, 0.5), SAGE, surface="wall")
+    south.box("wall", (0, at, 1 + up), (x, thick, up), CREAM, surface="wall")
     south.box("rail", (0, -y, 1.0), (x, 0.015, 0.025), DARK_WOOD)
-    south.box("ceiling", (0, 0, _WALL + 0.05), (x + _THICK, y + _THICK, 0.02), hue(CREAM, 0.98))
+    south.box(
+        "ceiling", (0, 0, _WALL + 0.01), (x + _THICK, y + _THICK, 0.02), CREAM, surface="pane"
+    )
     for k, centre in enumerate((-4.8, -1.6, 1.6, 4.8)):
         south.box(f"frame{k}", (centre, -y, 1.75), (0.75, 0.02, 0.5), DARK_WOOD)
-        south.box(f"pane{k}", (centre, -y, 1.75), (0.69, 0.025, 0.44), (0.74, 0.87, 0.93), surface="lamp")
+        south.box(
+            f"pane{k}", (centre, -y, 1.75), (0.69, 0.025, 0.44), (0.66, 0.82, 0.90), surface="pane"
+        )
         south.box(f"bar{k}", (centre, -y, 1.75), (0.02, 0.03, 0.44), DARK_WOOD)
 
 
 def _window(brush: Brush, centre: float, wall: float) -> None:
     brush.box("frame", (centre, wall, 1.75), (0.60, 0.02, 0.50), DARK_WOOD)
-    pane = (0.74, 0.87, 0.93)
-    brush.box("pane", (centre, wall, 1.75), (0.55, 0.025, 0.45), pane, surface="lamp", alpha=1.0)
+    pane = (0.66, 0.82, 0.90)
+    brush.box("pane", (centre, wall, 1.75), (0.55, 0.025, 0.45), pane, surface="pane")
     brush.box("post", (centre, wall, 1.75), (0.02, 0.03, 0.45), DARK_WOOD)
     brush.box("bar", (centre, wall, 1.85), (0.55, 0.03, 0.02), DARK_WOOD)
     brush.box("sill", (centre, wall - 0.01, 1.24), (0.64, 0.03, 0.02), DARK_WOOD)
@@ -204,11 +225,20 @@ def _kitchen(world: mujoco.MjsBody) -> None:
     half, low, high = _PASS
     y = plan.ROOM[1]
     brush = Brush(world, "look_kitchen")
-    brush.box("back", (0, y + 0.75, 1.2), (half + 0.1, 0.03, 1.2), hue(SAGE, 0.62))
+    small = Brush(world, "look_kitchen_small", group=INDOORS)
+    brush.box("back", (0, y + 0.75, 1.0), (half + 0.1, 0.03, 1.0), hue(SAGE, 0.62))
     for name, sign in (("west", -1), ("east", 1)):
-        brush.box(name, (sign * (half + 0.05), y + 0.45, 1.2), (0.03, 0.3, 1.2), hue(SAGE, 0.55))
-    brush.box("counter", (0, y + 0.13, low + 0.02), (half + 0.05, 0.17, 0.025), props.WOOD, surface="satin")
-    brush.box("lintel", (0, y + _THICK, high + 0.02), (half + 0.05, _THICK + 0.015, 0.03), DARK_WOOD)
+        brush.box(name, (sign * (half + 0.05), y + 0.45, 1.0), (0.03, 0.3, 1.0), hue(SAGE, 0.55))
+    brush.box(
+        "counter",
+        (0, y + 0.13, low + 0.02),
+        (half + 0.05, 0.17, 0.025),
+        props.WOOD,
+        surface="satin",
+    )
+    brush.box(
+        "lintel", (0, y + _THICK, high + 0.02), (half + 0.05, _THICK + 0.015, 0.03), DARK_WOOD
+    )
     for k, height in enumerate((1.30, 1.62)):
         brush.box(f"shelf{k}", (0, y + 0.62, height), (half, 0.1, 0.015), props.WOOD)
     glass = ((0.30, 0.50, 0.38), (0.72, 0.47, 0.22), (0.86, 0.84, 0.78), (0.55, 0.22, 0.20))
@@ -217,14 +247,12 @@ def _kitchen(world: mujoco.MjsBody) -> None:
         bottle = (x, y + 0.6, 1.315 + tall)
         brush.disc(f"bottle{k}", bottle, 0.04, tall, glass[k % 4], surface="gloss")
         neck = (x, y + 0.6, 1.315 + 2 * tall + 0.03)
-        brush.disc(f"neck{k}", neck, 0.014, 0.04, glass[k % 4], surface="gloss")
+        small.disc(f"neck{k}", neck, 0.014, 0.04, glass[k % 4], surface="gloss")
     for k, x in enumerate((-1.1, -0.75, 0.8, 1.15)):
-        for n in range(3):
-            plate = (x, y + 0.13, low + 0.055 + 0.022 * n)
-            brush.disc(f"plate{k}_{n}", plate, 0.12, 0.008, CREAM, surface="gloss")
+        brush.disc(f"plates{k}", (x, y + 0.13, low + 0.07), 0.12, 0.03, CREAM, surface="gloss")
     for k, x in enumerate((-0.9, 0.0, 0.9)):
         lamp = (x, y + 0.12, high - 0.16)
-        brush.rod(f"cord{k}", (x, y + 0.12, high), (x, y + 0.12, high - 0.1), 0.006, props.RUBBER)
+        small.rod(f"cord{k}", (x, y + 0.12, high), (x, y + 0.12, high - 0.1), 0.006, props.RUBBER)
         brush.ball(f"shade{k}_lamp", lamp, (0.09, 0.09, 0.06), props.BRASS, surface="satin")
         glow = (x, y + 0.12, high - 0.20)
         brush.ball(f"glow{k}", glow, (0.06, 0.06, 0.04), GLOW, surface="lamp")
@@ -246,8 +274,8 @@ def _outside(world: mujoco.MjsBody) -> None:
 def dress_robot(body: mujoco.MjsBody) -> None:
     """Add the robot's shell, its face, which looks where it heads, and its tray."""
     brush = Brush(body, "look_robot", floor=-float(body.pos[2]))
-    brush.shade((0, 0), 0.34)
-    brush.disc("halo", (0, 0, 0.016), 0.27, 0.002, _TEAL, surface="lamp", alpha=0.35)
+    brush.spot("shade", (0, 0, 0.008), 0.42)
+    brush.spot("halo", (0, 0, 0.010), 0.38, _TEAL, alpha=0.55, surface="shine")
     brush.disc("skirt", (0, 0, 0.06), 0.195, 0.045, _SHADOW, surface="satin")
     brush.disc("band", (0, 0, 0.115), 0.2, 0.012, _EYES, surface="lamp")
     brush.ball("base", (0, 0, 0.13), (0.195, 0.195, 0.17), _WHITE, surface="gloss")
@@ -256,23 +284,26 @@ def dress_robot(body: mujoco.MjsBody) -> None:
     brush.ball("badge", (0.105, 0, 0.76), (0.03, 0.05, 0.05), _TEAL, surface="lamp")
     brush.disc("collar", (-0.01, 0, 0.94), 0.055, 0.03, _SHADOW, surface="satin")
     brush.ball("head", (0.0, 0, 1.10), (0.145, 0.185, 0.145), _WHITE, surface="gloss")
-    brush.ball("face", (0.045, 0, 1.10), (0.115, 0.155, 0.115), (0.08, 0.10, 0.14), surface="gloss")
+    brush.ball("face", (0.085, 0, 1.095), (0.085, 0.145, 0.10), (0.08, 0.10, 0.14), surface="gloss")
     for name, sign in (("left", 1), ("right", -1)):
-        eye = (0.148, 0.06 * sign, 1.12)
-        brush.ball(f"eye_{name}", eye, (0.012, 0.022, 0.030), _EYES, surface="lamp")
+        eye = (0.155, 0.055 * sign, 1.115)
+        brush.ball(f"eye_{name}", eye, (0.014, 0.024, 0.034), _EYES, surface="lamp")
+        corner = (0.161, 0.030 * sign, 1.062)
+        brush.rod(f"smile_{name}", corner, (0.166, 0, 1.050), 0.006, _EYES, surface="lamp")
         ear = (-0.01, 0.175 * sign, 1.10)
         brush.ball(f"ear_{name}", ear, (0.045, 0.025, 0.045), _TEAL, surface="satin")
         shoulder, elbow = (0.0, 0.155 * sign, 0.80), (0.05, 0.20 * sign, 0.66)
         brush.rod(f"arm_{name}", shoulder, elbow, 0.034, _TEAL, surface="satin")
         brush.rod(f"hand_{name}", elbow, (0.20, 0.14 * sign, 0.67), 0.028, _WHITE, surface="gloss")
-    brush.rod("smile", (0.157, -0.022, 1.065), (0.157, 0.022, 1.065), 0.006, _EYES, surface="lamp")
     brush.disc("tray", (0.22, 0, 0.69), 0.17, 0.008, props.STEEL, surface="gloss")
     brush.disc("cup", (0.25, -0.06, 0.735), 0.032, 0.035, CREAM, surface="gloss")
     brush.disc("tea", (0.25, -0.06, 0.772), 0.027, 0.002, (0.55, 0.33, 0.16))
     brush.disc("glass", (0.22, 0.06, 0.75), 0.027, 0.05, (0.95, 0.67, 0.28), surface="gloss")
 
 
-def aim(model: mujoco.MjModel, camera: str, robot: np.ndarray, person: np.ndarray, start: np.ndarray) -> None:
+def aim(
+    model: mujoco.MjModel, camera: str, robot: np.ndarray, person: np.ndarray, start: np.ndarray
+) -> None:
     """Point a camera of the dressed model.
 
     Args:
@@ -283,7 +314,7 @@ def aim(model: mujoco.MjModel, camera: str, robot: np.ndarray, person: np.ndarra
         start: where the robot began, shape (2,); the guest's camera keeps still all service long.
     """
     if camera == "room":
-        eye, target = np.array([0.0, -15.2, 16.2]), np.array([0.0, 0.15, 0.35])
+        eye, target = np.array([0.0, -20.4, 21.6]), np.array([0.0, -0.1, 0.35])
     elif camera == "robot":
         ahead = (person - robot) / max(float(np.hypot(*(person - robot))), 1e-6)
         left = np.array([-ahead[1], ahead[0]])
@@ -292,8 +323,11 @@ def aim(model: mujoco.MjModel, camera: str, robot: np.ndarray, person: np.ndarra
     else:
         ahead = (start - person) / np.hypot(*(start - person))
         left = np.array([-ahead[1], ahead[0]])
-        eye = np.append(_inside(person - 1.7 * ahead + 1.0 * left), 1.85)
-        target = np.append(person + 0.9 * ahead, 0.80)
+        # from the side that looks less at a wall
+        sides = [person - 1.7 * ahead + sign * 1.1 * left for sign in (1.0, -1.0)]
+        beside = min(sides, key=lambda eye: float(np.abs(eye - _inside(eye)).sum()))
+        eye = np.append(_inside(beside), 1.85)
+        target = np.append(person + 0.7 * ahead, 0.80)
     back = eye - target
     back /= np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from evenhand.errors import InputError, unknown
-from evenhand.restaurant import layout, plan, task
+from evenhand.restaurant import plan, task
 from evenhand.restaurant.episodes import Source, finished, observation_space, settings_from
 from evenhand.restaurant.lanes import Lanes
 
@@ -90,9 +90,8 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         self.observation_space = observation_space()
         self.action_space = gym.spaces.Discrete(2)
         self._lanes = Lanes(1, task.TaskSettings(self.settings.interval))
-        self._source = Source(1, self.settings)
-        self._setup: layout.Setups | None = None
-        self._running = False
+        self._source = Source(self._lanes, self.settings)
+        self._running = self._begun = False
         self._ids = np.zeros(1, np.int64)
         if render_mode is not None:
             from evenhand.restaurant.screen import Screen
@@ -106,10 +105,10 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         super().reset(seed=seed)
         if seed is not None:
             self._source.forget(0)
-        setup, chances = self._source.take(self._ids, [self.np_random])
-        self._lanes.begin(self._ids, setup, chances)
-        self._setup, self._running = setup, True
-        return self._lanes.observe(self._ids)[0], {"identities": setup.asking[0]}
+        service, asking = self._source.take(self._ids, [self.np_random])
+        self._lanes.begin(self._ids, service)
+        self._running = self._begun = True
+        return self._lanes.observe(self._ids)[0], {"identities": asking[0]}
 
     def step(
         self, action: np.integer[Any] | int
@@ -139,9 +138,9 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The picture of one camera, uint8 [height, width, 3], or None without a render mode."""
-        if self._screen is None or self._setup is None:
+        if self._screen is None or not self._begun:
             return None
-        return self._screen.picture(self._lanes.world, 0, self._setup, 0)
+        return self._screen.picture(self._lanes.world, 0, *self._source.current(0))
 
     def close(self) -> None:
         """Free the renderer."""

@@ -11,7 +11,7 @@ import numpy as np
 from evenhand import people
 from evenhand.errors import unknown
 from evenhand.restaurant import layout, senses, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.lanes import Beginning, Lanes
 
 _BLOCK = 32
 """Set-ups that a lane draws at a time from its own generator."""
@@ -40,16 +40,17 @@ class RestaurantSettings:
 
 
 class Source:
-    """Set-ups and readings of each lane, drawn from a generator of its own."""
+    """Services of each lane, drawn a block at a time from a generator of its own."""
 
-    def __init__(self, n: int, settings: RestaurantSettings) -> None:
+    def __init__(self, lanes: Lanes, settings: RestaurantSettings) -> None:
         self._population = people.population(settings.population)
         self._sense = senses.SenseSettings(settings.noise, settings.dropout)
         self._readings = task.TaskSettings(settings.interval).decisions + 1
-        self._setups: dict[str, np.ndarray] = {}
-        self._chances: dict[str, np.ndarray] = {}
-        self._n = n
-        self._next = np.full(n, _BLOCK)
+        self._lanes = lanes
+        self._drawn: list[layout.Setups | None] = [None] * lanes.n
+        self._store: Beginning | None = None
+        self._asking = np.zeros((lanes.n, _BLOCK, len(people.IDENTITIES)), np.int64)
+        self._next = np.full(lanes.n, _BLOCK)
 
     def forget(self, lane: int) -> None:
         """Drop what was drawn for a lane, which has been given a new seed."""
@@ -57,26 +58,35 @@ class Source:
 
     def take(
         self, ids: np.ndarray, rngs: list[np.random.Generator]
-    ) -> tuple[layout.Setups, senses.Chances]:
-        """The next service of each of these lanes."""
+    ) -> tuple[Beginning, np.ndarray]:
+        """The next service of each of these lanes, and who asks in it, int64 [k, 5]."""
         for lane in ids[self._next[ids] == _BLOCK]:
-            setups = layout.draw(self._population, _BLOCK, rngs[lane])
-            chances = senses.draw(self._sense, _BLOCK, self._readings, rngs[lane])
-            self._keep(self._setups, lane, vars(setups))
-            self._keep(self._chances, lane, vars(chances))
-            self._next[lane] = 0
-        at = self._next[ids]
+            self._draw(lane, rngs[lane])
+        at = ids, self._next[ids]
         self._next[ids] += 1
-        return (
-            layout.Setups(**{name: kept[ids, at] for name, kept in self._setups.items()}),
-            senses.Chances(**{name: kept[ids, at] for name, kept in self._chances.items()}),
-        )
+        assert self._store is not None
+        return self._store.take(at), self._asking[at]
 
-    def _keep(self, store: dict[str, np.ndarray], lane: int, drawn: dict[str, np.ndarray]) -> None:
-        for name, values in drawn.items():
-            if name not in store:
-                store[name] = np.zeros((self._n, *values.shape), values.dtype)
-            store[name][lane] = values
+    def current(self, lane: int) -> tuple[layout.Setups, int]:
+        """Set-ups drawn for a lane, and which of them is being served."""
+        drawn = self._drawn[lane]
+        assert drawn is not None
+        return drawn, int(self._next[lane]) - 1
+
+    def _draw(self, lane: int, rng: np.random.Generator) -> None:
+        setups = layout.draw(self._population, _BLOCK, rng)
+        chances = senses.draw(self._sense, _BLOCK, self._readings, rng)
+        block = self._lanes.prepare(setups, chances)
+        if self._store is None:
+            index = np.zeros((self._lanes.n, _BLOCK), np.int64)  # room for a block of every lane
+            self._store = block.take(index)
+        for name, values in vars(block.rows).items():
+            getattr(self._store.rows, name)[lane] = values
+        for name in ("one_hot", "noise", "fails"):
+            getattr(self._store, name)[lane] = getattr(block, name)
+        self._asking[lane] = setups.asking
+        self._drawn[lane] = setups
+        self._next[lane] = 0
 
 
 def observation_space() -> gym.spaces.Box:

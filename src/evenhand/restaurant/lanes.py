@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from evenhand.restaurant import layout, plan, senses, task
-from evenhand.restaurant.world import World
+from evenhand.restaurant.world import Rows, World
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,28 @@ class Facts:
         return np.sum([*self.terms.values()], axis=0)
 
 
+@dataclass(frozen=True)
+class Beginning:
+    """N services before they begin, first axis N.
+
+    Attributes:
+        rows: for the simulations.
+        one_hot: identities of the person who asks, float32 [N, 22].
+        noise: of every reading, metres, [N, K].
+        fails: whether a reading fails, bool [N, K].
+    """
+
+    rows: Rows
+    one_hot: np.ndarray
+    noise: np.ndarray
+    fails: np.ndarray
+
+    def take(self, at: Any) -> Beginning:
+        """Some of them, by index, mask or slice of the first axis or axes."""
+        rows = Rows(**{name: values[at] for name, values in vars(self.rows).items()})
+        return Beginning(rows, self.one_hot[at], self.noise[at], self.fails[at])
+
+
 class Lanes:
     """n lanes; each serves one person at a time.
 
@@ -66,31 +89,38 @@ class Lanes:
         self.world = World(n)
         self.reading = np.zeros(n)
         self.age = np.zeros(n)
+        self._all = np.arange(n)
         self._one_hot = np.zeros((n, task.N_GROUPS), np.float32)
         self._start = np.zeros(n)
         self._responded = np.zeros(n, bool)
         self._noise = np.zeros((n, settings.decisions + 1))
         self._fails = np.zeros((n, settings.decisions + 1), bool)
 
-    def begin(self, ids: np.ndarray, setups: layout.Setups, chances: senses.Chances) -> None:
+    def prepare(self, setups: layout.Setups, chances: senses.Chances) -> Beginning:
+        """What begins N services, ready to be copied into lanes; see ``begin``."""
+        return Beginning(self.world.prepare(setups), setups.one_hot, chances.noise, chances.fails)
+
+    def begin(self, ids: np.ndarray, services: Beginning) -> None:
         """Begin a service in each of these lanes.
+
+        The first reading is of a robot at rest: the sensor's age of one step makes no difference.
 
         Args:
             ids: lanes, sorted, int [k].
-            setups: k set-ups.
-            chances: of k services with ``settings.decisions + 1`` readings each.
+            services: k of them, with ``settings.decisions + 1`` readings each.
         """
-        self.world.place(ids, setups)
-        self._one_hot[ids] = setups.one_hot
-        self._start[ids] = setups.start_distance
+        self.world.place(ids, services.rows)
+        self._one_hot[ids] = services.one_hot
+        self._start[ids] = services.rows.distance
         self._responded[ids] = False
-        self._noise[ids], self._fails[ids] = chances.noise, chances.fails
-        self._read(ids)
+        self._noise[ids], self._fails[ids] = services.noise, services.fails
+        self.reading[ids] = np.maximum(services.rows.distance + services.noise[:, 0], 0.0)
+        self.age[ids] = 0.0
 
     def observe(self, ids: np.ndarray | slice) -> np.ndarray:
         """What the robot goes by in these lanes, float32 [k, 25]."""
         return task.observe(
-            self._one_hot[ids], self.reading[ids], self.world.timer[ids], self.age[ids]
+            self._one_hot[ids], self.reading[ids], self.world.timer(ids), self.age[ids]
         )
 
     def respond(self, ids: np.ndarray) -> None:
@@ -126,10 +156,10 @@ class Lanes:
         )
 
     def _read(self, ids: np.ndarray | slice) -> None:
-        rows = np.arange(self.n)[ids]
-        k = self.world.steps[rows] // self.settings.interval
+        k = self.world.steps[ids] // self.settings.interval
+        rows = self._all[ids]
         self.reading[ids], self.age[ids] = senses.read(
-            self.world.sensed[ids],
+            self.world.sensed(ids),
             self._noise[rows, k],
             self._fails[rows, k],
             self.reading[ids],

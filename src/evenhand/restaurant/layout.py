@@ -11,13 +11,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from evenhand import people
-from evenhand.restaurant import plan
+from evenhand.restaurant import plan, route
 
-_TRIES = 10
-"""Start positions proposed for each service in one round of rejection sampling."""
-_LONGEST_DETOUR = 1.0
-"""Metres by which the way may exceed the straight line."""
-_LONGEST_WAY = 4.45
+_TRIES = 8
+"""Start positions proposed for each arrangement of guests."""
+_SPARE = 1.7
+"""Arrangements drawn for each that is needed, since not all have a start for the robot."""
+_ACCESS = plan.CLUSTER_RADIUS + route.MARGIN + 0.03
+"""From the middle of a table to the front of its seats."""
+_LONGEST_WAY = 4.6
 """Metres of way that can be driven before a response at 1.25 m would be late."""
 
 
@@ -35,10 +37,10 @@ class Setups:
         start: robot's centre, metres, float64 [N, 2].
         heading: robot's heading, radians, float64 [N].
         one_hot: identities of the person who asks as the robot is told them, float32 [N, 22].
-        seat: unit vector from the table to the person, 0 for a standing one, [N, 2].
-        access: where the way to the person ends, metres, [N, 2].
-        discs: centres of what the robot must drive around, metres, [N, 19, 2].
-        around: radii of these discs, 0 for none, metres, [N, 19].
+        front: unit vector from the table to the person where the way leads by the front of a
+            seat, 0 elsewhere, complex [N].
+        way: points that lead from the start to the person, complex [N, 3], see ``route``.
+        last: index of the first point of the way that is the person, int64 [N].
     """
 
     people: np.ndarray
@@ -50,10 +52,9 @@ class Setups:
     start: np.ndarray
     heading: np.ndarray
     one_hot: np.ndarray
-    seat: np.ndarray
-    access: np.ndarray
-    discs: np.ndarray
-    around: np.ndarray
+    front: np.ndarray
+    way: np.ndarray
+    last: np.ndarray
 
     def __len__(self) -> int:
         return len(self.start)
@@ -98,17 +99,18 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
         Set-ups in which nobody overlaps and the person can be reached in time.
     """
     codes = people.sample(population, n * plan.N_GUESTS, rng).reshape(n, plan.N_GUESTS, 5)
-    position, table, start = _places(n, rng)
-    undecided = np.flatnonzero(~np.isfinite(start[:, 0]))
-    while len(undecided):  # no start fits this arrangement of guests: arrange anew
-        position[undecided], table[undecided], start[undecided] = _places(len(undecided), rng)
-        undecided = undecided[~np.isfinite(start[undecided, 0])]
+    parts: list[dict[str, np.ndarray]] = []
+    missing = n
+    while missing > 0:  # arrangements without a start for the robot are drawn anew
+        part = _places(int(_SPARE * missing) + 4, rng)
+        good = np.flatnonzero(part.pop("clear"))[:missing]
+        parts.append({name: values[good] for name, values in part.items()})
+        missing -= len(good)
+    places = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     shape = shape_of(codes)
+    position, table = places["position"], places["table"]
     towards_table = np.where(position[..., 1] > plan.TABLES[table, 1], -np.pi / 2, np.pi / 2)
     any_way = rng.uniform(-np.pi, np.pi, (n, plan.N_GUESTS))
-    person, seated = position[:, 0], table[:, 0] >= 0
-    out = person - plan.TABLES[table[:, 0]]
-    discs, around = obstacles(position, table)
     return Setups(
         people=codes,
         position=position,
@@ -116,18 +118,17 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
         shape=shape,
         radius=plan.SHAPE_RADIUS[shape],
         table=table,
-        start=start,
+        start=places["start"],
         heading=rng.uniform(-np.pi, np.pi, n),
         one_hot=people.encode(codes[:, 0]),
-        seat=np.where(seated[:, None], out / np.hypot(out[:, 0], out[:, 1])[:, None], 0.0),
-        access=access_point(person, table[:, 0]),
-        discs=discs,
-        around=around,
+        front=places["front"],
+        way=places["way"],
+        last=places["last"],
     )
 
 
-def _places(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Guests' positions [n, 12, 2], their tables [n, 12], robot's start [n, 2] (NaN: none fits)."""
+def _places(n: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Guests' places, a start for the robot, and its way; ``clear`` says whether one was found."""
     a = plan.ANCHORS
     # weighted draw without replacement (Efraimidis & Spirakis 2006): largest u^(1/w)
     key = np.log(rng.random((n, len(a.weight)))) / a.weight
@@ -137,16 +138,48 @@ def _places(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, n
     jitter = rng.uniform(-1.0, 1.0, (n, plan.N_GUESTS, 2)) * a.jitter[chosen]
     position = a.centre[chosen] + jitter
     table = a.table[chosen]
-    person = position[:, 0]
+    person, host = as_complex(position[:, 0]), table[:, 0]
+    out = person - as_complex(plan.TABLES)[host]
+    seat = np.where(host >= 0, out / np.abs(out), 0.0)
+    access = np.where(host >= 0, person - out + seat * _ACCESS, person)
     distance = rng.uniform(*plan.START_DISTANCE, (n, _TRIES))
     angle = rng.uniform(-np.pi, np.pi, (n, _TRIES))
-    ray = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    tries = person[:, None] + distance[..., None] * ray
-    good = _start_fits(tries, person, table[:, 0], *obstacles(position, table))
-    pick = good.argmax(axis=1)
-    rows = np.arange(n)
-    start = np.where(good[rows, pick, None], tries[rows, pick], np.nan)
-    return position, table, start
+    start = (person[:, None] + distance * np.exp(1j * angle)).ravel()
+    centre, radius = obstacles(position, table)
+
+    def each(values: np.ndarray) -> np.ndarray:
+        return np.repeat(values, _TRIES, axis=0)
+
+    centre, radius = each(centre), each(radius)
+    room = plan.ROOM - plan.ROBOT_RADIUS - plan.CLEARANCE
+    free = (np.abs(start.real) < room[0]) & (np.abs(start.imag) < room[1])
+    free &= (np.abs(centre - start[:, None]) > radius + route.MARGIN).all(axis=1)
+    # many starts lie in furniture: plan only for the rest, and for one if there is no rest
+    at = np.flatnonzero(free) if free.any() else np.zeros(1, np.int64)
+    ways = route.find(
+        start[at], each(person)[at], each(seat)[at], each(access)[at], each(host)[at],
+        centre[at], radius[at],
+    )  # fmt: skip
+    good = np.zeros(n * _TRIES, bool)
+    good[at] = free[at] & ways.clear & (ways.length <= _LONGEST_WAY)
+    found = good.reshape(n, _TRIES)
+    pick = np.arange(n) * _TRIES + found.argmax(axis=1)
+    place = np.zeros(n * _TRIES, np.int64)
+    place[at] = np.arange(len(at))
+    return {
+        "position": position,
+        "table": table,
+        "start": np.stack([start[pick].real, start[pick].imag], axis=1),
+        "front": ways.front[place[pick]],
+        "way": ways.points[place[pick]],
+        "last": ways.last[place[pick]],
+        "clear": found.any(axis=1),
+    }
+
+
+def as_complex(points: np.ndarray) -> np.ndarray:
+    """Points of the plane [..., 2] as x + iy, [...]."""
+    return points[..., 0] + 1j * points[..., 1]
 
 
 def obstacles(position: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -159,61 +192,14 @@ def obstacles(position: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.n
         table: table of each guest or -1, [n, 12].
 
     Returns:
-        Centres [n, 19, 2] and radii [n, 19]; radius 0 where there is nothing.
+        Centres, complex [n, 19], and radii [n, 19]; radius 0 where there is nothing.
     """
     n = len(position)
     standing = table[:, 1:] < 0
     around = plan.SHAPE_RADIUS.max() + plan.ROBOT_RADIUS + plan.CLEARANCE
-    centre = np.concatenate(
-        [np.broadcast_to(plan.TABLES, (n, *plan.TABLES.shape)), position[:, 1:]], axis=1
-    )
+    tables = np.broadcast_to(as_complex(plan.TABLES), (n, len(plan.TABLES)))
+    centre = np.concatenate([tables, as_complex(position[:, 1:])], axis=1)
     radius = np.concatenate(
         [np.full((n, len(plan.TABLES)), plan.CLUSTER_RADIUS), around * standing], axis=1
     )
     return centre, radius
-
-
-def access_point(person: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Where the way to a person ends: in front of the seat, or at the person who stands.
-
-    Args:
-        person: [..., 2].
-        table: table of the person or -1, [...].
-
-    Returns:
-        Points [..., 2].
-    """
-    out = person - plan.TABLES[table]
-    front = plan.TABLES[table] + out / np.hypot(out[..., 0], out[..., 1])[..., None] * (
-        plan.CLUSTER_RADIUS + 0.03
-    )
-    return np.where((table >= 0)[..., None], front, person)
-
-
-def _start_fits(
-    tries: np.ndarray,
-    person: np.ndarray,
-    table: np.ndarray,
-    centre: np.ndarray,
-    radius: np.ndarray,
-) -> np.ndarray:
-    """Whether a start lies free, inside the room, and near enough on its way; [n, K] bool."""
-    inside = (np.abs(tries) < plan.ROOM - plan.ROBOT_RADIUS - plan.CLEARANCE).all(axis=-1)
-    rel_x = centre[:, None, :, 0] - tries[:, :, 0, None]
-    rel_y = centre[:, None, :, 1] - tries[:, :, 1, None]
-    square = rel_x**2 + rel_y**2
-    wide = radius[:, None]
-    free = (square > wide**2).all(axis=-1)
-    goal = access_point(person, table)
-    way = goal[:, None] - tries
-    length = np.sqrt(way[..., 0] ** 2 + way[..., 1] ** 2)
-    unit = way / length[..., None]
-    along = rel_x * unit[..., 0, None] + rel_y * unit[..., 1, None]
-    across = rel_x * unit[..., 1, None] - rel_y * unit[..., 0, None]
-    ahead = (along > 0) & (along < length[..., None])
-    depth = np.where(ahead, np.maximum(wide - np.abs(across), 0.0), 0.0)
-    last_leg = np.sqrt(((goal - person) ** 2).sum(axis=1))[:, None]
-    # going round a disc whose chord is entered to depth h costs about h at these sizes
-    detour = 1.2 * depth.sum(axis=-1)
-    fits = (length + last_leg + detour < _LONGEST_WAY) & ((depth > 0).sum(axis=-1) <= 2)
-    return inside & free & fits & (detour <= _LONGEST_DETOUR)

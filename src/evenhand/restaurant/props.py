@@ -15,8 +15,8 @@ Rgb = tuple[float, float, float]
 
 LOOKS = 1
 """Geom group of what every camera shows."""
-ENCLOSURE = 4
-"""Geom group of what stands between the room camera and the room; the other cameras show it."""
+INDOORS = 4
+"""Geom group of what only cameras in the room show: what hides the room from above, or is small."""
 
 WOOD: Rgb = (0.62, 0.42, 0.26)
 DARK_WOOD: Rgb = (0.38, 0.25, 0.17)
@@ -52,9 +52,27 @@ def add_materials(spec: mujoco.MjSpec) -> None:
         ("matt", 0.08, 0.1, 0.0),
         ("satin", 0.25, 0.4, 0.0),
         ("gloss", 0.6, 0.75, 0.0),
+        ("wall", 0.0, 0.0, 0.12),
+        ("pane", 0.3, 0.8, 0.45),
         ("lamp", 0.0, 0.0, 0.9),
     ):
         spec.add_material(name=name, specular=specular, shininess=shininess, emission=emission)
+    spot = spec.add_texture(
+        name="spot", type=mujoco.mjtTexture.mjTEXTURE_2D, width=64, height=64, nchannel=4
+    )
+    spot.data = _spot(64).tobytes()
+    for name, emission in (("shade", 0.0), ("shine", 0.9)):
+        soft = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=emission)
+        soft.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "spot"
+
+
+def _spot(size: int) -> np.ndarray:
+    """A white spot that fades out towards its rim, uint8 [size, size, 4]."""
+    across = np.linspace(-1.0, 1.0, size)
+    distance = np.hypot(across[:, None], across[None])
+    picture = np.ones((size, size, 4))
+    picture[..., 3] = (1.0 - distance.clip(0.0, 1.0) ** 2) ** 1.5
+    return (255.0 * picture).astype(np.uint8)
 
 
 class Brush:
@@ -92,18 +110,31 @@ class Brush:
         self._add(name, _DISC, pos, [radius, half, 0.0], rgb, **more)
 
     def rod(
-        self, name: str, start: Sequence[float], end: Sequence[float], radius: float, rgb: Rgb,
+        self,
+        name: str,
+        start: Sequence[float],
+        end: Sequence[float],
+        radius: float,
+        rgb: Rgb,
         **more,
     ) -> None:
         """A rod with round ends from one point to another."""
         ends = [*self._raised(start), *self._raised(end)]
         self._add(name, _ROD, None, [radius, 0.0, 0.0], rgb, fromto=ends, **more)
 
-    def shade(self, pos: Sequence[float], radius: float) -> None:
-        """The soft dark spot under a thing that stands on the floor."""
-        for k, (share, dark) in enumerate(((1.0, 0.10), (0.8, 0.12), (0.6, 0.14))):
-            at = (pos[0], pos[1], 0.004 + 0.003 * k)
-            self.disc(f"shade{k}", at, share * radius, 0.001, (0.16, 0.09, 0.05), alpha=dark)
+    def spot(
+        self,
+        name: str,
+        pos: Sequence[float],
+        radius: float,
+        rgb: Rgb = (0.13, 0.07, 0.04),
+        alpha: float = 0.5,
+        surface: str = "shade",
+        **more,
+    ) -> None:
+        """A soft round spot that lies flat: the shade under a thing, or the shine of a lamp."""
+        flat = (radius, radius, 2e-5)
+        self._add(name, _BOX, pos, flat, rgb, surface=surface, alpha=alpha, **more)
 
     def _raised(self, pos: Sequence[float]) -> list[float]:
         return [pos[0], pos[1], pos[2] + self.floor]
@@ -135,42 +166,42 @@ class Brush:
         )
 
 
-def chair(brush: Brush, at: Sequence[float], facing: float, wood: Rgb = WOOD) -> None:
+def chair(brush: Brush, at: Sequence[float], facing: float) -> None:
     """A chair around a point; facing is 1 along x, -1 against it."""
     x, y = at
+    under = (SEAT_HEIGHT - 0.04) / 2
     for k, (dx, dy) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
-        foot = (x + 0.165 * dx, y + 0.165 * dy, 0.02)
-        top = (x + 0.155 * dx, y + 0.155 * dy, SEAT_HEIGHT - 0.04)
-        brush.rod(f"leg{k}", foot, top, 0.016, wood)
-    brush.box("seat", (x, y, SEAT_HEIGHT - 0.035), (0.185, 0.185, 0.015), wood)
-    brush.box("cushion", (x, y, SEAT_HEIGHT - 0.01), (0.17, 0.17, 0.016), CUSHION)
-    back = x - 0.18 * facing
+        leg = (x + 0.16 * dx, y + 0.16 * dy, under)
+        brush.box(f"leg{k}", leg, (0.016, 0.016, under), WOOD)
+    brush.box("seat", (x, y, SEAT_HEIGHT - 0.022), (0.185, 0.185, 0.022), CUSHION)
+    back = x - 0.19 * facing
     for k, dy in enumerate((-0.155, 0.155)):
-        low, high = (back, y + dy, SEAT_HEIGHT - 0.05), (back - 0.05 * facing, y + dy, 0.86)
-        brush.rod(f"post{k}", low, high, 0.016, wood)
-    for k, height in enumerate((0.64, 0.80)):
-        lean = back - 0.05 * facing * (height - SEAT_HEIGHT) / 0.4
-        brush.box(f"slat{k}", (lean, y, height), (0.011, 0.15, 0.045), wood)
+        brush.box(f"post{k}", (back, y + dy, 0.65), (0.014, 0.018, 0.21), WOOD)
+    for k, height in enumerate((0.66, 0.80)):
+        brush.box(f"slat{k}", (back, y, height), (0.009, 0.145, 0.042), WOOD)
 
 
 def table(brush: Brush, at: Sequence[float], radius: float) -> None:
     """A round table on one leg, laid with a flower and a candle."""
     x, y = at
     top = TABLE_HEIGHT
-    brush.shade((x, y), radius + 0.22)
+    brush.spot("shade", (x, y, 0.004), radius + 0.30)
     brush.disc("foot", (x, y, 0.02), 0.22, 0.015, RUBBER, surface="satin")
     brush.disc("leg", (x, y, top / 2), 0.035, top / 2 - 0.03, RUBBER, surface="satin")
-    brush.disc("rim", (x, y, top - 0.022), radius, 0.014, DARK_WOOD, surface="satin")
-    brush.disc("top", (x, y, top - 0.004), radius - 0.008, 0.008, WOOD, surface="satin")
-    brush.disc("runner", (x, y, top + 0.005), 0.15, 0.002, CREAM)
-    brush.ball("vase", (x - 0.05, y, top + 0.05), (0.032, 0.032, 0.05), CREAM, surface="gloss")
-    for k, (dx, dy, up) in enumerate(((-0.02, 0.03, 0.17), (-0.09, 0.02, 0.15), (-0.05, -0.04, 0.16))):
-        flower = (x + dx, y + dy, top + up)
-        brush.rod(f"stem{k}", (x - 0.05, y, top + 0.08), flower, 0.006, LEAF)
-        brush.ball(f"flower{k}", flower, (0.026, 0.026, 0.022), (0.93, 0.53, 0.45))
+    brush.disc("top", (x, y, top - 0.02), radius, 0.02, WOOD, surface="satin")
+    brush.disc("runner", (x, y, top + 0.001), 0.15, 0.002, CREAM)
+    brush.ball("vase", (x - 0.05, y, top + 0.045), (0.032, 0.032, 0.05), CREAM, surface="gloss")
+    brush.ball("flowers", (x - 0.05, y, top + 0.13), (0.045, 0.045, 0.04), (0.93, 0.53, 0.45))
     brush.disc("candle", (x + 0.07, y, top + 0.03), 0.026, 0.026, CREAM)
+    small = Brush(brush.body, f"{brush.prefix}_small", group=INDOORS)
+    for k, (dx, dy, up) in enumerate(
+        ((-0.02, 0.04, 0.17), (-0.09, 0.02, 0.15), (-0.04, -0.05, 0.16))
+    ):
+        bloom = (x + dx, y + dy, top + up)
+        small.ball(f"bloom{k}", bloom, (0.028, 0.028, 0.024), (0.95, 0.62, 0.52))
+    small.ball("leaves", (x - 0.05, y, top + 0.10), (0.035, 0.05, 0.025), LEAF)
     flame = (x + 0.07, y, top + 0.078)
-    brush.ball("flame", flame, (0.010, 0.010, 0.020), GLOW, surface="lamp")
+    small.ball("flame", flame, (0.010, 0.010, 0.020), GLOW, surface="lamp")
 
 
 def plant(brush: Brush, at: Sequence[float], tall: float) -> None:
@@ -178,11 +209,8 @@ def plant(brush: Brush, at: Sequence[float], tall: float) -> None:
     x, y = at
     brush.disc("pot", (x, y, 0.17), 0.16, 0.17, CUSHION)
     brush.disc("brim", (x, y, 0.34), 0.18, 0.025, hue(CUSHION, 1.12))
-    brush.disc("soil", (x, y, 0.36), 0.15, 0.01, DARK_WOOD)
-    for k in range(7):
-        turn = 2.4 * k
-        out = 0.06 + 0.022 * k
-        tip = (x + out * np.cos(turn), y + out * np.sin(turn), 0.42 + tall * (1.0 - 0.10 * k))
-        brush.rod(f"twig{k}", (x, y, 0.36), tip, 0.010, hue(LEAF, 0.7))
-        size = 0.12 + 0.012 * (k % 3)
+    for k in range(6):
+        turn, out = 2.4 * k, 0.05 + 0.022 * k
+        tip = (x + out * np.cos(turn), y + out * np.sin(turn), 0.42 + tall * (1.0 - 0.12 * k))
+        size = 0.13 + 0.012 * (k % 3)
         brush.ball(f"leaf{k}", tip, (size, size, 0.8 * size), hue(LEAF, 0.85 + 0.06 * (k % 4)))

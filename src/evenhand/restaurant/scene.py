@@ -12,7 +12,7 @@ import functools
 import mujoco
 import numpy as np
 
-from evenhand.restaurant import dressing, plan
+from evenhand.restaurant import dressing, figures, plan
 
 FOOTPRINT_HEIGHT = 0.30
 """Height of all footprint spheres and of the sensor."""
@@ -20,8 +20,6 @@ PERSON = 0
 """Index of the guest who asks for service."""
 SENSOR_PERSON = slice(0, 3)
 """Sensor data: position of the person in the robot's sensor frame, metres."""
-SENSOR_TIMER = 3
-"""Sensor data: time since the service began, seconds."""
 DRIVE_GAIN = 800.0
 """Newton per metre per second of speed error."""
 
@@ -56,7 +54,7 @@ def build(dressed: bool = False) -> mujoco.MjSpec:
         dressing.dress_room(spec)
         dressing.dress_robot(robot)
         for i, guest in enumerate(guests):
-            dressing.dress_guest(guest, i)
+            figures.dress(guest, i)
     return spec
 
 
@@ -165,4 +163,3 @@ def _sensors(spec: mujoco.MjSpec) -> None:
         reftype=mujoco.mjtObj.mjOBJ_SITE,
         refname="robot_sensor",
     )
-    spec.add_sensor(name="timer", type=mujoco.mjtSensor.mjSENS_CLOCK)

@@ -25,13 +25,11 @@ N_GROUPS = len(people.GROUPS)
 OBSERVATION_SIZE = N_GROUPS + 3
 
 REWARD_TERMS = ("response", "distance", "promptness", "safety")
-_CONE = np.cos(np.deg2rad(55.0))
-"""Within this angle of a seat's front the robot drives straight to the person."""
-_YAW_GAIN = 6.0
+_YAW_GAIN, _YAW_SPEED = 6.0, 3.0
 _APPROACH_GAIN = 4.0
 """Metres per second for each metre that is left; low enough not to overshoot between decisions."""
-_BRAKING = 0.5
-"""Share of the greatest deceleration that planning counts on."""
+_DECELERATION = plan.MAX_ACCELERATION
+"""Twice the deceleration that the approach counts on, which is half of the greatest."""
 
 
 @dataclass(frozen=True)
@@ -58,112 +56,29 @@ class TaskSettings:
 
 
 def steer(
-    robot: np.ndarray,
-    heading: np.ndarray,
-    person: np.ndarray,
-    radius: np.ndarray,
-    seat: np.ndarray,
-    access: np.ndarray,
-    centre: np.ndarray,
-    around: np.ndarray,
+    robot: np.ndarray, heading: np.ndarray, target: np.ndarray, gap: np.ndarray
 ) -> np.ndarray:
-    """Velocities that drive towards the person around furniture and guests.
-
-    The robot heads for the person, or for the tangent of the first disc in the way; a person at
-    a table is approached from the front of the seat.
+    """Velocities that drive to a point, slowing down as the gap to the person closes.
 
     Args:
-        robot: centre, [n, 2].
+        robot: centre, complex [n].
         heading: radians, [n].
-        person: centre, [n, 2].
-        radius: footprint of the person, [n].
-        seat: unit vector from the table to a seated person, 0 for a standing one, [n, 2].
-        access: where the way to the person ends, [n, 2].
-        centre: discs to avoid, [n, m, 2].
-        around: their radii, 0 for none, [n, m].
+        target: next point of the way, complex [n].
+        gap: metres left to the person before ``walk`` stops, [n].
 
     Returns:
         Commands of the three velocity servos: x, y (m/s) and yaw (rad/s), [n, 3].
     """
-    to_person = person - robot
-    distance = np.hypot(to_person[:, 0], to_person[:, 1])
-    in_front = -(to_person * seat).sum(axis=1) >= _CONE * distance - 1e-9
-    goal = np.where(in_front[:, None], person, access)
-    # the disc of the person's own table ends where the approach begins
-    reach = np.where(in_front, distance - 1.1, np.inf)
-    direction = _around(robot, goal, centre, around, reach)
-    gap = distance - radius - plan.ROBOT_RADIUS - plan.STAND_OFF
-    speed = np.sqrt(2.0 * _BRAKING * plan.MAX_ACCELERATION * np.maximum(gap, 0.0))
-    speed = np.minimum(speed, _APPROACH_GAIN * np.maximum(gap, 0.0))
-    speed = np.minimum(speed, plan.TOP_SPEED)
-    turn = np.arctan2(direction[:, 1], direction[:, 0]) - heading
-    turn = (turn + np.pi) % (2 * np.pi) - np.pi
+    way = target - robot
+    gap = np.maximum(gap, 0.0)
+    speed = np.minimum(np.sqrt(_DECELERATION * gap), _APPROACH_GAIN * gap)
+    speed = np.minimum(speed, plan.TOP_SPEED) / np.maximum(np.abs(way), 1e-9)
+    turn = (np.arctan2(way.imag, way.real) - heading + np.pi) % (2 * np.pi) - np.pi
     out = np.empty((len(robot), 3))
-    out[:, :2] = direction * speed[:, None]
-    out[:, 2] = np.clip(_YAW_GAIN * turn, -3.0, 3.0)
+    out[:, 0] = way.real * speed
+    out[:, 1] = way.imag * speed
+    out[:, 2] = np.minimum(np.maximum(_YAW_GAIN * turn, -_YAW_SPEED), _YAW_SPEED)
     return out
-
-
-def _around(
-    robot: np.ndarray, goal: np.ndarray, centre: np.ndarray, around: np.ndarray, reach: np.ndarray
-) -> np.ndarray:
-    """Unit vector to the goal, or along the tangent of the first disc in the way, [n, 2].
-
-    Two rounds: the tangent of the first disc may lead into a second.
-    """
-    way = goal - robot
-    far = np.sqrt(way[:, 0] ** 2 + way[:, 1] ** 2)
-    unit = way / np.maximum(far, 1e-9)[:, None]
-    length = np.minimum(far, np.maximum(reach, 0.0))
-    rel_x = centre[:, :, 0] - robot[:, 0, None]
-    rel_y = centre[:, :, 1] - robot[:, 1, None]
-    rows = np.arange(len(robot))
-    for _ in range(2):
-        x, y = rel_x[rows], rel_y[rows]
-        ux, uy = unit[rows, 0, None], unit[rows, 1, None]
-        wide, ahead = around[rows], length[rows, None]
-        along = x * ux + y * uy
-        across = x * uy - y * ux
-        # a disc is in the way only if its middle lies ahead, before the goal or around it
-        beyond = along - np.minimum(along, ahead)
-        hit = (across * across + beyond * beyond < wide * wide) & (along > 0.0) & (ahead > 0.0)
-        blocked = np.flatnonzero(hit.any(axis=1))
-        if not len(blocked):
-            break
-        first = np.where(hit, along - wide, np.inf)[blocked].argmin(axis=1)
-        rows = rows[blocked]
-        unit[rows] = _tangent(
-            robot[rows], x[blocked, first], y[blocked, first], wide[blocked, first],
-            across[blocked, first],
-        )  # fmt: skip
-    return unit
-
-
-def _tangent(
-    robot: np.ndarray, rel_x: np.ndarray, rel_y: np.ndarray, radius: np.ndarray, across: np.ndarray
-) -> np.ndarray:
-    """Direction that just passes a disc on the nearer side that lies inside the room, [k, 2]."""
-    far = np.maximum(np.sqrt(rel_x**2 + rel_y**2), 1e-9)
-    sine = np.minimum(radius / far, 1.0)
-    cosine = np.sqrt(1.0 - sine**2)
-    ux, uy = rel_x / far, rel_y / far
-    # side +1 passes with the disc on the right
-    side = np.where(across > 0, 1.0, -1.0)
-
-    def direction(s: np.ndarray) -> np.ndarray:
-        return np.stack([ux * cosine - s * uy * sine, uy * cosine + s * ux * sine], axis=1)
-
-    chosen = direction(side)
-    touch = robot + chosen * np.maximum(far * cosine, 0.4)[:, None]
-    outside = (np.abs(touch) > plan.ROOM - plan.ROBOT_RADIUS - 0.02).any(axis=1)
-    if outside.any():
-        chosen = np.where(outside[:, None], direction(-side), chosen)
-    inside = far < radius
-    if inside.any():  # pushed into the margin: slide along the rim and drift outwards
-        slide = chosen - 0.5 * np.stack([ux, uy], axis=1)
-        slide /= np.sqrt((slide**2).sum(axis=1))[:, None]
-        chosen = np.where(inside[:, None], slide, chosen)
-    return chosen
 
 
 def observe(

@@ -55,7 +55,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._lanes = Lanes(num_envs, task.TaskSettings(self.settings.interval))
-        self._source = Source(num_envs, self.settings)
+        self._source = Source(self._lanes, self.settings)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.ones(num_envs, bool)
         self._all = np.arange(num_envs)
@@ -132,13 +132,13 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return observation, rewards, ended.copy(), np.zeros(self.num_envs, bool), info
 
     def _begin(self, ids: np.ndarray) -> dict[str, Any]:
-        setups, chances = self._source.take(ids, self._rngs)
-        self._lanes.begin(ids, setups, chances)
+        services, asking = self._source.take(ids, self._rngs)
+        self._lanes.begin(ids, services)
         begun = np.zeros(self.num_envs, bool)
         begun[ids] = True
         self._ended = self._ended & ~begun
         identities = np.zeros((self.num_envs, len(people.IDENTITIES)), np.int64)
-        identities[ids] = setups.asking
+        identities[ids] = asking
         return {"identities": identities, "_identities": begun}
 
     def _spread(self, facts: dict[str, np.ndarray], ended: np.ndarray) -> dict[str, np.ndarray]:

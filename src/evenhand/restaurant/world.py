@@ -5,15 +5,43 @@ One batch of MuJoCo holds all simulations on one thread; processes are for seeds
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from evenhand.restaurant import layout, plan, scene, task
+from evenhand.restaurant import layout, plan, route, scene, task
 
-_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
+_PLACED = ("qpos", "mocap_pos", "mocap_quat")
+_STEERED = 5
+"""Physics steps between two commands of the drive, whatever the interval of decisions."""
+_REACHED = 0.20
+"""Metres from a corner of the way at which the robot turns to the next point."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What begins N services in N simulations; first axis N.
+
+    Attributes:
+        state: integration state of MuJoCo, [N, nstate].
+        sizes: sizes of all geoms, [N, ngeom, 3].
+        way: points to the person, complex [N, 3].
+        front: from the table to the person, 0 where no seat's front is passed, complex [N].
+        last: index of the person in the way, int64 [N].
+        stop: distance at which ``walk`` stops, metres, [N].
+        distance: true distance at the start, metres, [N].
+    """
+
+    state: np.ndarray
+    sizes: np.ndarray
+    way: np.ndarray
+    front: np.ndarray
+    last: np.ndarray
+    stop: np.ndarray
+    distance: np.ndarray
 
 
 class World:
@@ -32,31 +60,33 @@ class World:
         self._batch = Batch(scene.model(), n, 1)
         self._batch.reset()
         self._fresh = self._batch.state[:1].copy()
+        self._component = {name: self._columns(name) for name in _PLACED}
         self._qpos = self._batch.bind("qpos")
         self._ctrl = self._batch.bind("ctrl")
-        self._mocap = self._batch.bind("mocap_pos")
-        self._quat = self._batch.bind("mocap_quat")
+        self._time = self._batch.bind("time")
         self._sensor = self._batch.bind("sensordata")
         sizes = self._batch.expand("geom_size")
         names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
         self._guest_geoms = np.array([scene.model().geom(name).id for name in names])
         self._sizes = sizes
-        self._person = np.zeros((n, 2))
-        self._radius = np.zeros(n)
-        self._seat = np.zeros((n, 2))
-        self._access = np.zeros((n, 2))
-        self._discs = np.zeros((n, len(plan.TABLES) + plan.N_GUESTS - 1, 2))
-        self._around = np.zeros((n, len(plan.TABLES) + plan.N_GUESTS - 1))
+        self._way = np.zeros((n, route.POINTS), complex)
+        self._person = self._way[:, -1]
+        self._front = np.zeros(n, complex)
+        self._next = np.zeros(n, np.int64)
+        self._last = np.zeros(n, np.int64)
+        self._stop = np.zeros(n)
+        self._all = np.arange(n)
         self.steps = np.zeros(n, np.int64)
         self.distance = np.zeros(n)
         self.min_distance = np.zeros(n)
         self.path_length = np.zeros(n)
         self.contact_steps = np.zeros(n, np.int64)
 
-    @property
-    def position(self) -> np.ndarray:
-        """Centre of the robot, metres, [n, 2]."""
-        return self._qpos[:, :2]
+    def _columns(self, name: str) -> tuple[int, int]:
+        """First column and number of columns of a field in the state rows."""
+        view = self._batch.bind(name)
+        first = (view.ctypes.data - self._batch.state.ctypes.data) // view.itemsize
+        return first, view[0].size
 
     @property
     def state(self) -> np.ndarray:
@@ -68,42 +98,51 @@ class World:
         """Commands of the drives: x, y (m/s), yaw (rad/s), [n, 3]."""
         return self._ctrl
 
-    @property
-    def sensed(self) -> np.ndarray:
-        """What the distance sensor measures now, metres, [n]."""
-        return np.hypot(self._sensor[:, 0], self._sensor[:, 1])
+    def sensed(self, ids: np.ndarray | slice) -> np.ndarray:
+        """What the distance sensor of these simulations reports, metres, [k].
 
-    @property
-    def timer(self) -> np.ndarray:
-        """What the timer shows, physics steps, int64 [n]."""
-        return np.rint(self._sensor[:, scene.SENSOR_TIMER] / plan.TIMESTEP).astype(np.int64)
+        As MuJoCo leaves it after a step, a reading is one physics step old.
+        """
+        seen = self._sensor[ids]
+        return np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
 
-    def place(self, ids: np.ndarray, setups: layout.Setups) -> None:
+    def timer(self, ids: np.ndarray | slice) -> np.ndarray:
+        """What the clock of these simulations shows, physics steps, [k]."""
+        return np.rint(self._time[ids] / plan.TIMESTEP)
+
+    def prepare(self, setups: layout.Setups) -> Rows:
+        """What begins these services, ready to be copied into any simulation."""
+        n = len(setups)
+        state = np.repeat(self._fresh, n, axis=0)
+        for name, values in (
+            ("qpos", np.concatenate([setups.start, setups.heading[:, None]], axis=1)),
+            ("mocap_pos", _at_height(setups.position)),
+            ("mocap_quat", _yaw_quaternion(setups.facing)),
+        ):
+            first, size = self._component[name]
+            state[:, first : first + size] = values.reshape(n, -1)
+        sizes = np.repeat(self._sizes[:1], n, axis=0)
+        sizes[:, self._guest_geoms, 0] = setups.radius
+        stop = setups.radius[:, 0] + plan.ROBOT_RADIUS + plan.STAND_OFF
+        return Rows(
+            state, sizes, setups.way, setups.front, setups.last, stop, setups.start_distance
+        )
+
+    def place(self, ids: np.ndarray, rows: Rows) -> None:
         """Begin new services.
 
         Args:
             ids: simulations, sorted, int [k].
-            setups: one set-up each, k rows.
+            rows: from ``prepare``, k of them.
         """
-        # a state row is all that a simulation is, so a fresh one is a reset
-        self._batch.state[ids] = self._fresh
-        self._qpos[ids, :2] = setups.start
-        self._qpos[ids, 2] = setups.heading
-        self._mocap[ids, :, :2] = setups.position
-        self._mocap[ids, :, 2] = scene.FOOTPRINT_HEIGHT
-        self._quat[ids] = _yaw_quaternion(setups.facing)
-        self._sizes[ids[:, None], self._guest_geoms, 0] = setups.radius
-        self._batch.forward(ids, stage=_VEL)
-        self._person[ids] = setups.position[:, 0]
-        self._radius[ids] = setups.radius[:, 0]
-        self._seat[ids] = setups.seat
-        self._access[ids] = setups.access
-        self._discs[ids] = setups.discs
-        self._around[ids] = setups.around
-        self.steps[ids] = 0
-        self.distance[ids] = self.min_distance[ids] = setups.start_distance
+        # a state row is all that a simulation is, so writing one is a reset
+        self._batch.state[ids] = rows.state
+        self._sizes[ids] = rows.sizes
+        self._way[ids], self._front[ids] = rows.way, rows.front
+        self._next[ids], self._last[ids], self._stop[ids] = 0, rows.last, rows.stop
+        self.distance[ids] = self.min_distance[ids] = rows.distance
+        self.steps[ids] = self.contact_steps[ids] = 0
         self.path_length[ids] = 0.0
-        self.contact_steps[ids] = 0
 
     def walk(self, ids: np.ndarray | None, steps: int) -> None:
         """Drive towards the person for some physics steps.
@@ -113,34 +152,50 @@ class World:
             steps: physics steps.
         """
         pick: Any = slice(None) if ids is None else ids
-        person = self._person[pick]
-        self._ctrl[pick] = task.steer(
-            self._qpos[pick, :2],
-            self._qpos[pick, 2],
-            person,
-            self._radius[pick],
-            self._seat[pick],
-            self._access[pick],
-            self._discs[pick],
-            self._around[pick],
+        for first in range(0, steps, _STEERED):
+            self._drive(ids, pick, min(_STEERED, steps - first))
+
+    def _drive(self, ids: np.ndarray | None, pick: Any, steps: int) -> None:
+        """Steer once, then step."""
+        # commands for every lane cost less than picking some out; idle lanes do not move
+        robot = self._qpos[:, 0] + 1j * self._qpos[:, 1]
+        self._ctrl[:] = task.steer(
+            robot, self._qpos[:, 2], self._target(robot), self.distance - self._stop
         )
-        before = self._qpos[pick, None, :2].copy()
         # recorded after every physics step, so that no moment of coming close is missed
         seen = self._batch.rollout(steps, record=("qpos", "ncon"), ids=ids)
-        self._batch.forward(ids, stage=_VEL)  # sensors at the new state, not a step behind
-        track = seen["qpos"][:, :, :2]
-        gap = person[:, None] - track
-        distance = np.sqrt(gap[..., 0] ** 2 + gap[..., 1] ** 2)
-        move = np.diff(track, axis=1, prepend=before)
+        track = np.empty((len(seen["qpos"]), steps + 1), complex)
+        track[:, 0] = robot[pick]
+        track.real[:, 1:], track.imag[:, 1:] = seen["qpos"][:, :, 0], seen["qpos"][:, :, 1]
+        distance = np.abs(track[:, 1:] - self._person[pick, None])
         self.distance[pick] = distance[:, -1]
         self.min_distance[pick] = np.minimum(self.min_distance[pick], distance.min(axis=1))
-        self.path_length[pick] += np.sqrt(move[..., 0] ** 2 + move[..., 1] ** 2).sum(axis=1)
+        self.path_length[pick] += np.abs(track[:, 1:] - track[:, :-1]).sum(axis=1)
         self.contact_steps[pick] += (seen["ncon"] > 0).sum(axis=1)
         self.steps[pick] += steps
+
+    def _target(self, robot: np.ndarray) -> np.ndarray:
+        """Next point of every way, complex [n]."""
+        target = self._way[self._all, self._next]
+        near = np.abs(target - robot) < _REACHED
+        # the point before a seat may be skipped once the robot is in front of it
+        ahead = route.in_front(robot, self._person, self._front) & (self._front != 0)
+        near |= ahead & (self._next == self._last - 1)
+        near &= self._next < self._last
+        if near.any():
+            self._next += near
+            target = self._way[self._all, self._next]
+        return target
 
     def snapshot(self, sim: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one simulation, for rendering or for checking."""
         return self._batch.get_model(sim), self._batch.get_data(sim)
+
+
+def _at_height(points: np.ndarray) -> np.ndarray:
+    """Points of the plane [..., 2] at the height of footprints, [..., 3]."""
+    height = np.full((*points.shape[:-1], 1), scene.FOOTPRINT_HEIGHT)
+    return np.concatenate([points, height], axis=-1)
 
 
 def _yaw_quaternion(yaw: np.ndarray) -> np.ndarray:
