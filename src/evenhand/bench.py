@@ -17,13 +17,14 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from mujoco.batch import Batch
 
 from evenhand import detector_io, people
 from evenhand import show as display
 from evenhand.errors import InputError
 
+from evenhand.experiments.measure import WINDOW
 from evenhand.interactions import Interactions
 from evenhand.learn import train
 from evenhand.learn.policy import Actor
@@ -36,6 +37,11 @@ from evenhand.restaurant.vector import RestaurantVectorEnv
 ROUNDS = 5
 _SERVICES = 40
 _EPOCHS = 12
+_INTERVAL = 5
+_KEPT = (
+    "responded", "response_step", "response_distance", "min_distance", "steps", "start_distance",
+    "path_length", "contact_steps", "sensed_error",
+)  # fmt: skip
 Stepper = Callable[[float], tuple[int, int]]
 """Run for so many seconds; returns physics steps and finished services."""
 
@@ -114,9 +120,9 @@ def _bare() -> Stepper:
             mujoco.mj_setState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
             for command in commands:
                 data.ctrl[:] = command
-                for _ in range(5):
+                for _ in range(_INTERVAL):
                     step(model, data)
-            steps += 5 * len(commands)
+            steps += _INTERVAL * len(commands)
             services += 1
         return steps, services
 
@@ -126,7 +132,7 @@ def _bare() -> Stepper:
 def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     """State at the start, sizes of the guests, and drive commands of some proper services."""
     rng = np.random.default_rng(0)
-    settings = task.TaskSettings(5)
+    settings = task.TaskSettings(_INTERVAL)
     lanes = Lanes(_SERVICES, settings)
     ids = np.arange(_SERVICES)
     setups = layout.draw(people.population("uniform"), _SERVICES, rng)
@@ -150,49 +156,50 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     return kept
 
 
+class _Records:
+    """Facts of finished services, made into interactions thirty at a time, as an epoch is."""
+
+    def __init__(self) -> None:
+        self._kept: list[dict[str, np.ndarray]] = []
+        self._waiting = 0
+
+    def add(self, facts: dict[str, np.ndarray], ended: np.ndarray) -> int:
+        """Keep the facts of the lanes that ended; returns how many did."""
+        self._kept.append({name: facts[name][ended] for name in _KEPT})
+        count = len(self._kept[-1]["responded"])
+        self._waiting += count
+        if self._waiting >= WINDOW:
+            columns = {name: np.concatenate([k[name] for k in self._kept]) for name in _KEPT}
+            Interactions.build({}, columns)
+            self._kept, self._waiting = [], 0
+        return count
+
+
 def _vector(n: int, actor: Actor) -> Stepper:
     """The vector environment with policy, observations and records."""
-    env = RestaurantVectorEnv(n, AutoresetMode.SAME_STEP)
-    rng = np.random.default_rng(0)
-    state = {"seen": env.reset(seed=0)[0]}
-
-    def run(seconds: float) -> tuple[int, int]:
-        end, steps, services = perf_counter() + seconds, 0, 0
-        while perf_counter() < end:
-            actions = (rng.random(n) < actor.probability(state["seen"])).astype(np.int64)
-            state["seen"], _, ended, _, info = env.step(actions)
-            steps += env.settings.interval * int(n - actions.sum())
-            if ended.any():
-                services += len(_records(info["final_info"]["facts"], ended))
-        return steps, services
-
-    return run
-
-
-def _records(facts: dict[str, np.ndarray], ended: np.ndarray) -> Interactions:
-    return Interactions.build(
-        {},
-        {
-            name: facts[name][ended]
-            for name in ("responded", "min_distance", "steps", "start_distance", "path_length")
-        },
-    )
+    return _stepper(RestaurantVectorEnv(n, AutoresetMode.SAME_STEP), n, actor)
 
 
 def _sync(n: int, actor: Actor) -> Stepper:
     """The same work by Gymnasium's SyncVectorEnv over the single environment."""
     env = SyncVectorEnv([RestaurantEnv] * n, autoreset_mode=AutoresetMode.SAME_STEP)
+    return _stepper(env, n, actor)
+
+
+def _stepper(env: VectorEnv, n: int, actor: Actor) -> Stepper:
     rng = np.random.default_rng(0)
-    state = {"seen": env.reset(seed=0)[0]}
+    records = _Records()
+    seen = env.reset(seed=0)[0]
 
     def run(seconds: float) -> tuple[int, int]:
+        nonlocal seen
         end, steps, services = perf_counter() + seconds, 0, 0
         while perf_counter() < end:
-            actions = (rng.random(n) < actor.probability(state["seen"])).astype(np.int64)
-            state["seen"], _, ended, _, info = env.step(actions)
-            steps += 5 * int(n - actions.sum())
+            actions = (rng.random(n) < actor.probability(seen)).astype(np.int64)
+            seen, _, ended, _, info = env.step(actions)
+            steps += _INTERVAL * (n - int(actions.sum()))
             if ended.any():
-                services += len(_records(info["final_info"]["facts"], ended))
+                services += records.add(info["final_info"]["facts"], ended)
         return steps, services
 
     return run
@@ -203,7 +210,7 @@ def epoch_share() -> dict[str, float]:
     settings = train.preset("service", "ppo", True, epochs=_EPOCHS + 2)
     judge = detector_io.load(detector_io.SHIPPED)
     physics = policy = update = 0.0
-    with _timed(Batch, "step") as stepping, _timed(Actor, "probability") as acting:
+    with _timed(Batch, "rollout") as stepping, _timed(Actor, "probability") as acting:
         whole = 0.0
         mark = perf_counter()
         for record in train.train(settings, judge):

@@ -14,6 +14,20 @@ class InputError(ValueError):
     """
 
 
+class WorkerLost(RuntimeError):
+    """A process that worked for this one is gone; what it had finished is kept."""
+
+
+def whole(name: str, value: int, least: int, most: int) -> None:
+    """Check a whole number.
+
+    Raises:
+        InputError: when it lies outside ``least`` to ``most``.
+    """
+    if not least <= value <= most:
+        raise InputError(f"{name} is {value}: give a whole number from {least} to {most}")
+
+
 def nearest(name: str, choices: Iterable[str]) -> str | None:
     """The choice most like ``name``, or None when nothing comes close."""
     found = difflib.get_close_matches(name.lower(), list(choices), n=1, cutoff=0.5)

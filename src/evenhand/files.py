@@ -27,9 +27,26 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
             os.fsync(file.fileno())
         os.replace(aside, target)
     except OSError as error:
+        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+    finally:
+        # also after Ctrl-C; after a success there is nothing left to remove
         with contextlib.suppress(OSError):
             aside.unlink()
-        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+
+
+def append_text(path: str | os.PathLike[str], text: str) -> None:
+    """Add text to the end of a file, for good: it is on the disk when this returns.
+
+    Raises:
+        InputError: when it cannot be written; a part of the text may stand there then.
+    """
+    try:
+        with Path(path).open("a", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
@@ -59,6 +76,20 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         ) from error
 
 
+def read_record(path: str | os.PathLike[str], *fields: str) -> dict[str, Any]:
+    """Read a JSON object that has these fields.
+
+    Raises:
+        InputError: as ``read_json``, or when it is no object or lacks a field.
+    """
+    content = read_json(path)
+    if not isinstance(content, dict) or any(field not in content for field in fields):
+        raise InputError(
+            f"{path} is damaged: it needs the fields {', '.join(fields)}; delete it or restore it"
+        )
+    return content
+
+
 def make_folder(path: str | os.PathLike[str]) -> Path:
     """A folder that exists and can be written.
 
@@ -71,11 +102,21 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
         probe = folder / f".{os.getpid()}.part"
         probe.touch()
         probe.unlink()
+    except FileExistsError as error:
+        raise InputError(f"{folder} is a file, not a folder: give another one") from error
     except OSError as error:
         raise InputError(
             f"folder {folder} cannot be written ({error.strerror or error}): give another one"
         ) from error
     return folder
+
+
+def sweep(folder: Path) -> None:
+    """Remove what a killed process left half-written; nobody else may be writing there."""
+    for pattern in ("*.part", ".*.part"):
+        for path in folder.glob(pattern):
+            with contextlib.suppress(OSError):
+                path.unlink()
 
 
 @contextlib.contextmanager
@@ -87,7 +128,13 @@ def locked(folder: Path) -> Iterator[None]:
     """
     import fcntl
 
-    with (folder / ".lock").open("w") as file:
+    try:
+        file = (folder / ".lock").open("w")
+    except OSError as error:
+        raise InputError(
+            f"folder {folder} cannot be written ({error.strerror or error}): give another one"
+        ) from error
+    with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -122,3 +169,17 @@ def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
     if any(folder.glob("[!.]*")):
         raise InputError(f"{folder} is not empty and holds no such experiment: give another folder")
     write_json(path, content)
+
+
+def differences(there: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs between two nested records, as words for a sentence; empty if nothing does."""
+    return ", ".join(_differences(there, here, ""))
+
+
+def _differences(there: dict[str, Any], here: dict[str, Any], prefix: str) -> Iterator[str]:
+    for name in sorted({*there, *here}):
+        a, b = there.get(name), here.get(name)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differences(a, b, f"{prefix}{name}.")
+        elif a != b:
+            yield f"{prefix}{name} {json.dumps(a)} there and {json.dumps(b)} here"

@@ -6,17 +6,29 @@ import multiprocessing
 import os
 import queue
 import signal
+import threading
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evenhand.errors import InputError
+from evenhand.errors import InputError, WorkerLost
 
 Tell = Callable[[int, dict[str, Any]], None]
 """(units done, numbers to show): how a task reports while it runs."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def one_thread() -> None:
+    """Keep numeric libraries to one thread, unless the user has said otherwise.
+
+    They read this when they are imported, so it counts for what is imported afterwards and for
+    processes that begin afterwards. Our products are small: threads would only fight for cores,
+    and sums would come out in another order with another number of them.
+    """
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")
 
 
 @dataclass(frozen=True)
@@ -44,31 +56,34 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
 
     Raises:
         InputError: as a task raised it.
-        RuntimeError: when a task failed otherwise, with its traceback, or a process died.
+        WorkerLost: when a process died.
+        RuntimeError: when a task failed otherwise, with its traceback.
     """
     if workers < 1:
         raise InputError(f"workers is {workers}: give at least 1")
     if workers == 1 or len(tasks) <= 1:
         return [task.run(tell=tell, **task.arguments) for task in tasks]
-    for name in _THREADS:
-        os.environ.setdefault(name, "1")  # read by the libraries when a process starts
+    one_thread()
     context = multiprocessing.get_context("spawn")
     todo, done = context.Queue(), context.Queue()
-    for index, task in enumerate(tasks):
-        todo.put((index, task))
     processes = [
         context.Process(target=_work, args=(todo, done), daemon=True)
         for _ in range(min(workers, len(tasks)))
     ]
+    for item in [*enumerate(tasks), *[None] * len(processes)]:
+        todo.put(item)
     results: dict[int, Any] = {}
     try:
-        for process in processes:
-            process.start()
+        _start(processes)
         while len(results) < len(tasks):
+            working = any(process.is_alive() for process in processes)
             try:
                 kind, index, content = done.get(timeout=1.0)
             except queue.Empty:
                 _check_alive(processes)
+                if not working:  # all have ended, and nothing of theirs is on its way
+                    lost = [task.name for i, task in enumerate(tasks) if i not in results]
+                    raise RuntimeError(f"no result came of {', '.join(lost)}") from None
                 continue
             if kind == "progress":
                 tell(*content)
@@ -91,23 +106,29 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
     return [results[index] for index in range(len(tasks))]
 
 
+def _start(processes: Sequence[Any]) -> None:
+    """Start processes that do not hear Ctrl-C: it is for this one, which ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # processes inherit it
+    try:
+        for process in processes:
+            process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _check_alive(processes: Sequence[Any]) -> None:
     for process in processes:
         if process.exitcode not in (None, 0):
-            raise RuntimeError(
+            raise WorkerLost(
                 f"a worker process ended with code {process.exitcode} (out of memory, or killed): "
                 "run the same command again, it goes on where it was"
             )
 
 
 def _work(todo: Any, done: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends us
-    while True:
-        try:
-            # every task was put in before this process began, so an empty queue is the end
-            index, task = todo.get(timeout=2.0)
-        except queue.Empty:
-            return
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    while (item := todo.get()) is not None:
+        index, task = item
 
         def tell(units: int, numbers: dict[str, Any], index: int = index) -> None:
             done.put(("progress", index, (units, numbers)))
@@ -118,3 +139,11 @@ def _work(todo: Any, done: Any) -> None:
             done.put(("input", index, str(error)))
         except Exception:
             done.put(("failure", index, traceback.format_exc()))
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot end its workers, and nobody would take their results."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

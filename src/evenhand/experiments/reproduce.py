@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from evenhand import detector_io, files, people, report
-from evenhand.errors import InputError, unknown
+from evenhand import detector_io, files, report
 from evenhand.experiments import claims, demos, measure, tables
 from evenhand.experiments.pool import Task, Tell, run_all
+from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
 from evenhand.learn import run, train
 from evenhand.learn.runtime import set_up_jax
 
@@ -24,55 +24,11 @@ ARMS: dict[str, tuple[str, bool]] = {
     "ppo+guidance": ("ppo", True),
 }
 """Arm -> (algorithm, guided by the detector's penalty)."""
-TEST_SEED = 1_000_000
-"""Added to the seed of a run: people of the test are never those of training."""
-DEMO_SEED = 2_000_000
 _EPOCH_COLUMNS = (
     "total", "willingness", "quality", "priority", "risk", "biased_detector", "biased_threshold",
     "probability", "perfect_rate", "response_rate", "mean_response_distance",
     "mean_response_step",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class ReproduceSettings:
-    """The experiment."""
-
-    out: Path = Path("out/reproduce")
-    """Folder of the report and of everything behind it."""
-
-    preset: tuple[str, ...] = train.PRESETS
-    """Rewards to train on: paper (Eq. 4/5 alone), service (service quality plus Eq. 4/5)."""
-
-    seeds: int = 3
-    """Runs of every arm, with seeds 0, 1, 2 ..."""
-
-    epochs: int = 300
-    """Updates of every run; an epoch is 30 services."""
-
-    workers: int = os.cpu_count() or 1
-    """Processes that work at the same time."""
-
-    population: str = "uniform"
-    """Where people are drawn from."""
-
-    windows: int = 1000
-    """Windows of 30 services that simulated respondents judge."""
-
-    services: int = 3000
-    """Services in the test of every trained robot."""
-
-    def __post_init__(self) -> None:
-        for name in self.preset:
-            if name not in train.PRESETS:
-                raise unknown("preset", name, train.PRESETS)
-        if not self.preset:
-            raise InputError(f"no preset is given: choose from {', '.join(train.PRESETS)}")
-        people.population(self.population)
-        limits = (("seeds", 1), ("epochs", 40), ("workers", 1), ("windows", 100), ("services", 300))
-        for name, least in limits:
-            if getattr(self, name) < least:
-                raise InputError(f"{name} is {getattr(self, name)}: give at least {least}")
 
 
 Stage = Callable[[str, int], Tell]
@@ -93,31 +49,38 @@ def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
     Raises:
         InputError: when the folder cannot be written, is in use, or holds another experiment.
     """
-    began = monotonic()
     out = files.make_folder(settings.out)
     with files.locked(out):
         _claim_folder(out, settings)
-        clock: dict[str, float] = {}
-        for name in ("data", "figures", "runs"):
-            (out / name).mkdir(exist_ok=True)
-        mark = monotonic()
-        shown = _demonstrate(out, settings, stage)
-        clock["demonstrations"] = monotonic() - mark
-        mark = monotonic()
-        study = demos.study(shown, DEMO_SEED)
-        detector_io.save(study.detector, out / "data" / "detector.json")
-        clock["study"] = monotonic() - mark
-        mark = monotonic()
-        results = _train(out, settings, stage)
-        clock["training and test"] = monotonic() - mark
-        mark = monotonic()
-        tell = stage("tables and report", 1)
-        _write_tables(out, shown, study, results)
-        clock["tables"] = monotonic() - mark
-        _write_manifest(out, settings, command, clock, monotonic() - began)
+        for name in (".", "data", "figures", "runs", "data/demonstrations"):
+            files.sweep(files.make_folder(out / name))
+        clock = out / "data" / "stages.json"
+        with _timed(clock, "demonstrations"):
+            shown = _demonstrate(out, settings, stage)
+        with _timed(clock, "study"):
+            study = demos.study(shown, DEMO_SEED)
+            detector_io.save(study.detector, out / "data" / "detector.json")
+        with _timed(clock, "training and test"):
+            results = _train(out, settings, stage)
+        with _timed(clock, "tables"):
+            tell = stage("tables and report", 1)
+            _write_tables(out, shown, study, results)
+        _write_manifest(out, settings, command, files.read_record(clock))
         page = report.build(out)
         tell(1, {})
     return page
+
+
+@contextmanager
+def _timed(clock: Path, name: str) -> Iterator[None]:
+    """Add the seconds of a stage to a file, so that those of an interrupted call count too."""
+    began = monotonic()
+    try:
+        yield
+    finally:
+        spent = files.read_record(clock) if clock.exists() else {}
+        spent[name] = round(spent.get(name, 0.0) + monotonic() - began, 1)
+        files.write_json(clock, spent)
 
 
 def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
@@ -132,7 +95,6 @@ def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
 
 def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.Demos:
     folder = out / "data" / "demonstrations"
-    folder.mkdir(exist_ok=True)
     tell = stage("demonstrations by scripted robots", settings.windows * measure.WINDOW)
     run_all(
         demos.tasks(settings.windows, DEMO_SEED, settings.population, folder),
@@ -256,7 +218,7 @@ def _write_tables(
 
 
 def _write_manifest(
-    out: Path, settings: ReproduceSettings, command: str, clock: dict[str, float], elapsed: float
+    out: Path, settings: ReproduceSettings, command: str, clock: dict[str, float]
 ) -> None:
     plain = {name: value for name, value in asdict(settings).items() if name != "out"}
     versions = run.versions()
@@ -275,7 +237,7 @@ def _write_manifest(
             "epochs": settings.epochs,
             "people": measure.WINDOW,
             "population": settings.population,
-            "elapsed_s": round(elapsed, 1),
-            "stages": {name: round(seconds, 1) for name, seconds in clock.items()},
+            "elapsed_s": round(sum(clock.values()), 1),
+            "stages": clock,
         },
     )

@@ -67,13 +67,22 @@ _BALLS = (
     "hips",
     *(f"{part}_{side}" for part in ("eye", "glint", "ear", "hand", "shoe") for side, _ in _SIDES),
 )
-_SMALL = {"nose", *(f"{part}_{side}" for part in ("smile", "glint", "ear") for side, _ in _SIDES)}
+_SMALL = {
+    "nose",
+    *(f"{part}_{side}" for part in ("smile", "eye", "glint", "ear") for side, _ in _SIDES),
+}
 _SMILE = ("smile_left", "smile_right")
 _SKIN_PARTS = ("neck", "head", "nose", "ear_left", "ear_right", "hand_left", "hand_right")
 
 
-def dress(body: mujoco.MjsBody, index: int) -> None:
-    """Add every part a guest can have to its body; ``Figures`` decides which are seen."""
+def dress(body: mujoco.MjsBody, index: int, asking: bool) -> None:
+    """Add every part a guest can have to its body; ``Figures`` decides which are seen.
+
+    Args:
+        body: of the guest.
+        index: of the guest; it chooses the clothes.
+        asking: lay a warm light around the guest, so that who asks is found at a glance.
+    """
     brush = Brush(body, f"look_{body.name}", floor=-float(body.pos[2]))
     top, trousers = _TOPS[index], _TROUSERS[index % len(_TROUSERS)]
     colours = dict.fromkeys((*_RODS, *_BALLS), top)
@@ -82,6 +91,8 @@ def dress(body: mujoco.MjsBody, index: int) -> None:
         colours |= {f"eye_{side}": (0.07, 0.05, 0.05), f"glint_{side}": (1.0, 1.0, 1.0)}
     colours |= {"hips": trousers}
     brush.spot("shade", (0.0, 0.0, 0.008), 0.42)
+    if asking:
+        brush.spot("glow", (0.0, 0.0, 0.005), 0.75, props.GLOW, 0.75, "shine")
     small = Brush(body, brush.prefix, brush.floor, group=INDOORS)
     for name in _RODS:
         paint = small if name in _SMALL else brush
@@ -123,10 +134,12 @@ class Figures:
 
     Attributes:
         model: a dressed model of the caller's own; its geoms are changed.
+        asking: index of the guest who raises an arm.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, asking: int) -> None:
         self.model = model
+        self.asking = asking
         names = [model.geom(g).name for g in range(model.ngeom)]
         at = {name: g for g, name in enumerate(names)}
         guests = [f"look_guest{i}" for i in range(plan.N_GUESTS)]
@@ -154,18 +167,20 @@ class Figures:
         age, skin = setups.people[row, :, 2], setups.people[row, :, 4]
         wheels = setups.shape[row] == plan.SHAPES.index("wheelchair")
         seated = (setups.table[row] >= 0) | wheels
-        rods, balls = pose(age, wheels, setups.table[row] >= 0, asking=0)
+        rods, balls = pose(age, wheels, setups.table[row] >= 0, self.asking)
         m = self.model
         start, end, radius = (np.stack([rods[name][k] for name in _RODS], axis=1) for k in range(3))
         m.geom_pos[self._rods] = (start + end) / 2 + [0.0, 0.0, self._floor]
         m.geom_size[self._rods, 0] = radius
         m.geom_size[self._rods, 1] = np.linalg.norm(end - start, axis=-1) / 2
         m.geom_quat[self._rods] = _along(end - start)
+        m.geom_rbound[self._rods] = m.geom_size[self._rods, :2].sum(axis=-1)
         centre, radii, lean = (
             np.stack([balls[name][k] for name in _BALLS], axis=1) for k in range(3)
         )
         m.geom_pos[self._balls] = centre + [0.0, 0.0, self._floor]
         m.geom_size[self._balls] = radii
+        m.geom_rbound[self._balls] = radii.max(axis=-1)
         m.geom_quat[self._balls] = np.stack(
             [np.cos(lean / 2), 0 * lean, np.sin(lean / 2), 0 * lean], axis=-1
         )
@@ -248,9 +263,9 @@ def pose(
             hand = either(with_cane, point(0.27 + zero, 0.25, 0.82), hand)
             elbow = either(with_cane, (shoulder + hand) / 2 + [-0.07, 0.05, -0.05], elbow)
         else:
-            lifted = shoulder + s[:, None] * [0.03, -0.13, 0.24]
+            lifted = shoulder + s[:, None] * [0.03, -0.15, 0.23]
             elbow = either(raised, lifted, elbow)
-            hand = either(raised, lifted + s[:, None] * [0.02, 0.01, 0.29], hand)
+            hand = either(raised, lifted + s[:, None] * [0.02, -0.05, 0.30], hand)
         rods[f"upper_{side}"] = (shoulder, elbow, 0.056 * s)
         rods[f"fore_{side}"] = (elbow, hand, 0.046 * s)
         balls[f"hand_{side}"] = (hand, s[:, None] * [0.055, 0.05, 0.058], zero)

@@ -49,7 +49,7 @@ class Facts:
     @property
     def reward(self) -> np.ndarray:
         """Service quality: the sum of the terms, in [-0.5, 1], [N]."""
-        return np.sum([*self.terms.values()], axis=0)
+        return sum(self.terms.values(), start=np.zeros(len(self.steps)))
 
 
 @dataclass(frozen=True)
@@ -146,17 +146,17 @@ class Lanes:
         world = self.world
         return Facts(
             responded=self._responded[ids],
-            steps=world.steps[ids],
+            steps=world.steps[ids].astype(np.int64),
             distance=world.distance[ids],
             min_distance=world.min_distance[ids],
             start_distance=self._start[ids],
             path_length=world.path_length[ids],
-            contact_steps=world.contact_steps[ids],
+            contact_steps=world.contact_steps[ids].astype(np.int64),
             sensed_error=self.reading[ids] - world.distance[ids],
         )
 
     def _read(self, ids: np.ndarray | slice) -> None:
-        k = self.world.steps[ids] // self.settings.interval
+        k = self.world.steps[ids].astype(np.int64) // self.settings.interval
         rows = self._all[ids]
         self.reading[ids], self.age[ids] = senses.read(
             self.world.sensed(ids),

@@ -54,7 +54,7 @@ def build(dressed: bool = False) -> mujoco.MjSpec:
         dressing.dress_room(spec)
         dressing.dress_robot(robot)
         for i, guest in enumerate(guests):
-            figures.dress(guest, i)
+            figures.dress(guest, i, asking=i == PERSON)
     return spec
 
 

@@ -121,12 +121,12 @@ def reward_terms(
     Returns:
         One array [n] for each of ``REWARD_TERMS``.
     """
-    near = np.clip((distance - 0.5) / 0.5, 0.0, 1.0)
-    far = np.clip((3.0 - distance) / 1.5, 0.0, 1.0)
-    prompt = np.clip((plan.MAX_STEPS - step) / 100.0, 0.0, 1.0)
+    # one number falls on both sides of 1.0-1.5 m, the other from 200 to 300 steps
+    placed = np.minimum(np.minimum((distance - 0.5) / 0.5, (3.0 - distance) / 1.5), 1.0)
+    prompt = np.minimum((plan.MAX_STEPS - step) / 100.0, 1.0)
     return {
         "response": 0.2 * responded,
-        "distance": 0.5 * responded * np.minimum(near, far),
-        "promptness": 0.3 * responded * prompt,
+        "distance": 0.5 * responded * np.maximum(placed, 0.0),
+        "promptness": 0.3 * responded * np.maximum(prompt, 0.0),
         "safety": -0.5 * (min_distance < 0.5),
     }

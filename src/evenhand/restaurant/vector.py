@@ -147,7 +147,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         for name, values in facts.items():
             full = np.zeros(self.num_envs, values.dtype)
             full[ended] = values
-            out[name], out[f"_{name}"] = full, ended.copy()
+            out[name], out[f"_{name}"] = full, ended
         return out
 
 

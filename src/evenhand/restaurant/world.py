@@ -27,7 +27,7 @@ class Rows:
 
     Attributes:
         state: integration state of MuJoCo, [N, nstate].
-        sizes: sizes of all geoms, [N, ngeom, 3].
+        radius: of the guests, metres, [N, 12].
         way: points to the person, complex [N, 3].
         front: from the table to the person, 0 where no seat's front is passed, complex [N].
         last: index of the person in the way, int64 [N].
@@ -36,7 +36,7 @@ class Rows:
     """
 
     state: np.ndarray
-    sizes: np.ndarray
+    radius: np.ndarray
     way: np.ndarray
     front: np.ndarray
     last: np.ndarray
@@ -48,11 +48,11 @@ class World:
     """n simulations of the restaurant, each with a service of its own.
 
     Attributes:
-        steps: physics steps since the service began, int64 [n].
+        steps: physics steps since the service began, [n].
         distance: true distance of robot and person, metres, [n].
         min_distance: least true distance so far, metres, [n].
         path_length: metres driven so far, [n].
-        contact_steps: physics steps in which the robot touched anything, int64 [n].
+        contact_steps: physics steps in which the robot touched anything, [n].
     """
 
     def __init__(self, n: int) -> None:
@@ -76,11 +76,15 @@ class World:
         self._last = np.zeros(n, np.int64)
         self._stop = np.zeros(n)
         self._all = np.arange(n)
-        self.steps = np.zeros(n, np.int64)
-        self.distance = np.zeros(n)
-        self.min_distance = np.zeros(n)
-        self.path_length = np.zeros(n)
-        self.contact_steps = np.zeros(n, np.int64)
+        # one table, so that one look-up fetches all that a lane has gathered
+        self._gathered = np.zeros((n, 5))
+        (
+            self.distance,
+            self.min_distance,
+            self.path_length,
+            self.contact_steps,
+            self.steps,
+        ) = self._gathered.T
 
     def _columns(self, name: str) -> tuple[int, int]:
         """First column and number of columns of a field in the state rows."""
@@ -121,11 +125,9 @@ class World:
         ):
             first, size = self._component[name]
             state[:, first : first + size] = values.reshape(n, -1)
-        sizes = np.repeat(self._sizes[:1], n, axis=0)
-        sizes[:, self._guest_geoms, 0] = setups.radius
         stop = setups.radius[:, 0] + plan.ROBOT_RADIUS + plan.STAND_OFF
         return Rows(
-            state, sizes, setups.way, setups.front, setups.last, stop, setups.start_distance
+            state, setups.radius, setups.way, setups.front, setups.last, stop, setups.start_distance
         )
 
     def place(self, ids: np.ndarray, rows: Rows) -> None:
@@ -137,12 +139,11 @@ class World:
         """
         # a state row is all that a simulation is, so writing one is a reset
         self._batch.state[ids] = rows.state
-        self._sizes[ids] = rows.sizes
+        self._sizes[ids[:, None], self._guest_geoms, 0] = rows.radius
         self._way[ids], self._front[ids] = rows.way, rows.front
         self._next[ids], self._last[ids], self._stop[ids] = 0, rows.last, rows.stop
+        self._gathered[ids] = 0.0
         self.distance[ids] = self.min_distance[ids] = rows.distance
-        self.steps[ids] = self.contact_steps[ids] = 0
-        self.path_length[ids] = 0.0
 
     def walk(self, ids: np.ndarray | None, steps: int) -> None:
         """Drive towards the person for some physics steps.
@@ -168,11 +169,13 @@ class World:
         track[:, 0] = robot[pick]
         track.real[:, 1:], track.imag[:, 1:] = seen["qpos"][:, :, 0], seen["qpos"][:, :, 1]
         distance = np.abs(track[:, 1:] - self._person[pick, None])
-        self.distance[pick] = distance[:, -1]
-        self.min_distance[pick] = np.minimum(self.min_distance[pick], distance.min(axis=1))
-        self.path_length[pick] += np.abs(track[:, 1:] - track[:, :-1]).sum(axis=1)
-        self.contact_steps[pick] += (seen["ncon"] > 0).sum(axis=1)
-        self.steps[pick] += steps
+        gathered = self._gathered[pick]
+        gathered[:, 0] = distance[:, -1]
+        gathered[:, 1] = np.minimum(gathered[:, 1], distance.min(axis=1))
+        gathered[:, 2] += np.abs(track[:, 1:] - track[:, :-1]).sum(axis=1)
+        gathered[:, 3] += (seen["ncon"] > 0).sum(axis=1)
+        gathered[:, 4] += steps
+        self._gathered[pick] = gathered
 
     def _target(self, robot: np.ndarray) -> np.ndarray:
         """Next point of every way, complex [n]."""

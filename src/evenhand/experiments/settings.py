@@ -1,0 +1,71 @@
+"""What can be set in the experiment, and its seeds; imports nothing heavy."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from evenhand import people
+from evenhand.errors import InputError, unknown, whole
+
+PRESETS = ("paper", "service")
+"""Rewards, as ``learn.train`` knows them."""
+TEST_SEED = 1_000_000
+"""Added to the seed of a run: people of the test are never those of training."""
+DEMO_SEED = 2_000_000
+"""Of demonstrations and study."""
+CORES = len(os.sched_getaffinity(0))
+"""Cores that this process may use."""
+SERVICES = (300, 100_000)
+"""Fewest and most services in a test; more do not fit into 1.5 GB at once."""
+WINDOWS = (100, 100_000)
+"""Fewest and most windows in a study."""
+WORKERS = (1, 64)
+"""Fewest and most processes."""
+SEEDS = (0, 2**32 - 1)
+"""Least and greatest seed."""
+
+
+@dataclass(frozen=True)
+class ReproduceSettings:
+    """The experiment."""
+
+    out: Path = Path("out/reproduce")
+    """Folder of the report and of everything behind it."""
+
+    preset: tuple[str, ...] = PRESETS
+    """Rewards to train on: paper (Eq. 4/5 alone), service (service quality plus Eq. 4/5)."""
+
+    seeds: int = 3
+    """Runs of every arm, with seeds 0, 1, 2 ..."""
+
+    epochs: int = 300
+    """Updates of every run; an epoch is 30 services."""
+
+    workers: int = CORES
+    """Processes that work at the same time."""
+
+    population: str = "uniform"
+    """Where people are drawn from."""
+
+    windows: int = 1000
+    """Windows of 30 services that simulated respondents judge."""
+
+    services: int = 3000
+    """Services in the test of every trained robot."""
+
+    def __post_init__(self) -> None:
+        for name in self.preset:
+            if name not in PRESETS:
+                raise unknown("preset", name, PRESETS)
+        if not self.preset:
+            raise InputError(f"no preset is given: choose from {', '.join(PRESETS)}")
+        if len(set(self.preset)) < len(self.preset):
+            raise InputError(f"a preset is given twice: {', '.join(self.preset)}")
+        people.population(self.population)
+        whole("seeds", self.seeds, 1, 1000)
+        whole("epochs", self.epochs, 40, 100_000)
+        whole("workers", self.workers, *WORKERS)
+        whole("windows", self.windows, *WINDOWS)
+        whole("services", self.services, *SERVICES)
