@@ -229,6 +229,15 @@ def test_an_interrupted_save_keeps_the_earlier_file_and_leaves_nothing(
     assert list(saved.parent.iterdir()) == [saved]
 
 
+def test_an_earlier_file_is_replaced_and_never_written_into(saved):
+    # Whoever still reads the earlier file sees it whole.
+    before = saved.read_bytes()
+    with open(saved, "rb") as reader:
+        checkpoint.save(saved, learner(), fingerprints=MADE_WITH, extra={"epoch": 8})
+        assert reader.read() == before
+    assert checkpoint.load(saved, learner(), MADE_WITH).extra == {"epoch": 8}
+
+
 def test_a_folder_that_does_not_exist_is_said(tmp_path):
     path = tmp_path / "none" / "c.npz"
     with pytest.raises(InputError, match="cannot be written: No such file or directory"):

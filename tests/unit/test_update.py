@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evenhand.errors import InputError
+from evenhand.learn.batches import deal
 from evenhand.learn.policy import PolicySettings, response_probability, state_values
 from evenhand.learn.update import Trajectories, UpdateSettings, make_learner, update
 
@@ -160,6 +161,22 @@ def test_ppo_keeps_its_old_policy_over_the_passes():
     }
     for name, number in expected.items():
         assert getattr(report, name) == pytest.approx(number, rel=1e-3, abs=1e-5), name
+
+
+def test_each_minibatch_averages_over_its_own_decisions():
+    # 40 decisions fill all packed places; three minibatches of 14 leave two places over. With a
+    # step size of almost nothing every ratio stays 1: each loss is minus the mean advantage.
+    settings = UpdateSettings(
+        algorithm="ppo", learning_rate=1e-12, passes=1, minibatches=3, normalise_advantage=False
+    )
+    trajectories = services()._replace(mask=np.tile(np.arange(L) < L // 2, (N, 1)))
+    _, report = update(learner(settings), trajectories, grid(1), grid(2), settings, rng())
+    hands = deal(40, 40, 1, 3, rng())
+    packed = grid(1)[:, : L // 2].reshape(-1).astype(float)
+    expected = -np.mean([packed[hand[hand < 40]].mean() for hand in hands])
+    assert report.policy_loss == pytest.approx(expected, rel=1e-4)
+    assert report.approx_kl == pytest.approx(0.0, abs=1e-7)
+    assert report.clip_fraction == 0
 
 
 def test_long_gradients_are_shortened():

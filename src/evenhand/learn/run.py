@@ -11,6 +11,7 @@ import dataclasses
 import json
 import os
 import platform
+import re
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,8 @@ CHECKPOINT_EVERY = 50
 """Epochs between checkpoints; a killed run loses at most so many."""
 
 Progress = Callable[[dict[str, Any]], None]
-"""Told the numbers of every epoch."""
+"""Told the numbers of every epoch; when a run goes on, first what it holds already."""
+_SERVICES = re.compile(r"(\d{6,})-(\d{6,})\.parquet")
 
 
 def versions() -> dict[str, str]:
@@ -58,22 +60,27 @@ def execute(
         settings: of the run.
         detector: judges every epoch.
         every: epochs between checkpoints.
-        progress: told the numbers of every new epoch.
+        progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
+            the other numbers of every new epoch.
 
     Returns:
         The trained learner.
 
     Raises:
-        InputError: when the folder cannot be written, is in use, or holds another run.
+        InputError: when the folder cannot be written, is in use, holds another run, or a file of
+            it is missing or damaged.
     """
     root = files.make_folder(folder)
     with files.locked(root):
+        files.sweep(root)
         prints = {
             "settings": checkpoint.fingerprint(as_dict(settings)),
             "detector": checkpoint.fingerprint(as_dict(detector)),
         }
         _claim(root, settings, detector, prints)
         state, rng, first = _resume(root, settings, prints)
+        if first and progress is not None:
+            progress({"services": first * settings.people, "physics_steps": 0})
         services: list[Interactions] = []
         lines: list[str] = []
         for record in train.train(settings, detector, state=state, rng=rng, first_epoch=first):
@@ -94,8 +101,8 @@ def finished(folder: str | os.PathLike[str], key: str) -> dict[str, Any] | None:
     path = Path(folder) / "done.json"
     if not path.exists():
         return None
-    done = files.read_json(path)
-    return done if done.get("key") == key else None
+    done = files.read_record(path, "key")
+    return done if done["key"] == key else None
 
 
 def finish(folder: str | os.PathLike[str], key: str, content: dict[str, Any]) -> None:
@@ -112,15 +119,23 @@ def read_epochs(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
     path = Path(folder) / "epochs.jsonl"
     if not path.exists():
         raise InputError(f"{path} does not exist: {folder} is no run folder, or nothing ran yet")
-    out = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    return [json.loads(line) for line in _lines(path)]
+
+
+def _lines(path: Path) -> list[str]:
+    """Lines of a log, each of them whole and of the epoch that it stands for."""
+    found = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    for number, line in enumerate(found):
         try:
-            out.append(json.loads(line))
-        except json.JSONDecodeError as error:
+            whole = json.loads(line)["epoch"] == number
+        except (ValueError, TypeError, KeyError):
+            whole = False
+        if not whole:
             raise InputError(
-                f"{path} line {number} is cut off: run the same command again to resume"
-            ) from error
-    return out
+                f"{path} line {number + 1} is cut off or damaged: delete {path.parent} and run "
+                "the same command again"
+            )
+    return found
 
 
 def read_services(folder: str | os.PathLike[str]) -> Interactions:
@@ -129,7 +144,7 @@ def read_services(folder: str | os.PathLike[str]) -> Interactions:
     Raises:
         InputError: when there are none or a file cannot be read.
     """
-    found = sorted((Path(folder) / "services").glob("*.parquet"))
+    found = _service_files(Path(folder))
     if not found:
         raise InputError(f"{folder} holds no services: it is no run folder, or nothing ran yet")
     return Interactions.concat([Interactions.read_parquet(path) for path in found])
@@ -142,24 +157,45 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[train.TrainSettings, Le
         InputError: when the folder holds no run, or its files do not fit together.
     """
     root = Path(folder)
-    if not (root / "settings.json").exists():
+    path = root / "settings.json"
+    if not path.exists():
         raise InputError(f"{root} holds no run: there is no settings.json in it")
-    noted = files.read_json(root / "settings.json")
-    settings = _from_dict(train.TrainSettings, noted["settings"], root / "settings.json")
+    noted = _noted(path)
+    settings = _from_dict(train.TrainSettings, noted["settings"], path)
+    if not (root / "checkpoint.npz").exists():
+        raise InputError(
+            f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
+            "let the run go on"
+        )
     found = checkpoint.load(root / "checkpoint.npz", train.begin(settings), noted["fingerprints"])
     return settings, found.state
 
 
+def _noted(path: Path) -> dict[str, Any]:
+    """``settings.json``, which has not been changed since it was written."""
+    noted = files.read_record(path, "settings", "fingerprints", "versions")
+    prints = noted["fingerprints"]
+    if not isinstance(prints, dict) or prints.get("settings") != checkpoint.fingerprint(
+        noted["settings"]
+    ):
+        raise InputError(f"{path} was changed after the run began: restore it, or begin anew")
+    return noted
+
+
 def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
-    known = {field.name: field for field in dataclasses.fields(kind)}
+    names = [field.name for field in dataclasses.fields(kind)]
+    odd = sorted(set(names) ^ set(content))
+    if odd:
+        raise InputError(
+            f"{where} is of another version of Evenhand, which differs in {', '.join(odd)}: "
+            "use that version, or begin anew"
+        )
     values: dict[str, Any] = {}
-    for name, value in content.items():
-        if name not in known:
-            raise InputError(f"{where} has a setting {name!r} that this version does not know")
-        factory = known[name].default_factory
-        if isinstance(value, dict) and isinstance(factory, type):
-            value = _from_dict(factory, value, where)
-        values[name] = tuple(value) if isinstance(value, list) else value
+    for field in dataclasses.fields(kind):
+        value = content[field.name]
+        if isinstance(value, dict) and isinstance(field.default_factory, type):
+            value = _from_dict(field.default_factory, value, where)
+        values[field.name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)
 
 
@@ -168,25 +204,28 @@ def _claim(
 ) -> None:
     path = root / "settings.json"
     if path.exists():
-        noted = files.read_json(path)
-        if noted.get("fingerprints") != prints:
+        noted = _noted(path)
+        differs = files.differences(noted["settings"], as_dict(settings))
+        if not differs and noted["fingerprints"] != prints:
+            differs = "another detector"
+        if differs:
             raise InputError(
-                f"{root} holds a run with other settings or another detector: "
-                "give another folder, or delete this one"
+                f"{root} holds another run ({differs}): give another folder, or delete this one"
             )
-        return
-    if any(root.glob("[!.]*")):
+    elif any(root.glob("[!.]*")):
         raise InputError(f"{root} is not empty and holds no run: give another folder")
-    detector_io.save(detector, root / "detector.json")
-    files.write_json(
-        path,
-        {
-            "settings": as_dict(settings),
-            "fingerprints": prints,
-            "versions": versions(),
-            "seed": settings.seed,
-        },
-    )
+    else:
+        files.write_json(
+            path,
+            {
+                "settings": as_dict(settings),
+                "fingerprints": prints,
+                "versions": versions(),
+                "seed": settings.seed,
+            },
+        )
+    if not (root / "detector.json").exists():
+        detector_io.save(detector, root / "detector.json")
 
 
 def _resume(
@@ -198,16 +237,50 @@ def _resume(
         found = checkpoint.load(root / "checkpoint.npz", state, prints)
         state, first = found.state, int(found.extra["epoch"])
         rng.bit_generator.state = found.extra["rng"]
+    if 0 < first < settings.epochs:
+        _check_versions(root)
     log = root / "epochs.jsonl"
-    kept = log.read_text(encoding="utf-8").splitlines(keepends=True)[:first] if first else []
-    if len(kept) < first:
+    kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
+    if len(kept) < first or not all(line.endswith(b"\n") for line in kept):
         raise InputError(f"{log} has fewer lines than its checkpoint has epochs: delete {root}")
-    files.write_text(log, "".join(kept))
-    (root / "services").mkdir(exist_ok=True)
-    for path in (root / "services").iterdir():
-        if path.suffix != ".parquet" or int(path.stem.split("-")[1]) > first:
+    files.write_text(log, b"".join(kept).decode(errors="replace"))
+    _lines(log)
+    services = files.make_folder(root / "services")
+    files.sweep(services)
+    there = 0
+    for path in _service_files(root):
+        begin, end = _epochs_of(path)
+        if end > first:
             path.unlink()
+        elif begin != there:
+            break
+        else:
+            there = end
+    if there < first:
+        raise InputError(f"{services} lacks the services of epoch {there}: delete {root}")
     return state, rng, first
+
+
+def _check_versions(root: Path) -> None:
+    """Another version may calculate otherwise, and a run goes on bit for bit or not at all."""
+    noted = files.read_record(root / "settings.json", "versions")["versions"]
+    differs = files.differences(noted, versions())
+    if differs:
+        raise InputError(
+            f"{root} was begun with other versions ({differs}): install those, or begin anew in "
+            "another folder"
+        )
+
+
+def _service_files(root: Path) -> list[Path]:
+    """Files of services in the order of their epochs."""
+    named = [p for p in (root / "services").glob("*") if _SERVICES.fullmatch(p.name)]
+    return sorted(named, key=_epochs_of)
+
+
+def _epochs_of(path: Path) -> tuple[int, int]:
+    first, last = path.stem.split("-")
+    return int(first), int(last)
 
 
 def _keep(
@@ -224,10 +297,7 @@ def _keep(
     Interactions.concat(services).write_parquet(
         root / "services" / f"{first:06d}-{epoch:06d}.parquet"
     )
-    with (root / "epochs.jsonl").open("a", encoding="utf-8") as log:
-        log.write("".join(f"{line}\n" for line in lines))
-        log.flush()
-        os.fsync(log.fileno())
+    files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))
     checkpoint.save(
         root / "checkpoint.npz",
         state,

@@ -109,9 +109,9 @@ def _floor(spec: mujoco.MjSpec) -> None:
     wide, deep = x + 2 * _THICK, y + 2 * _THICK
     slab = Brush(world, "look_slab")
     # costs a fraction of a sky, which no camera would see
-    slab.box("ground", (0, 0, -0.25), (45.0, 45.0, 0.02), (0.93, 0.88, 0.80))
+    slab.box("ground", (0, 0, -0.25), (45.0, 45.0, 0.02), (0.79, 0.745, 0.69))
     slab.box("base", (0, 0, -0.11), (wide, deep, 0.1), hue(DARK_WOOD, 0.9))
-    rgb, half = (0.35, 0.25, 0.18), (1.3 * wide, 1.45 * deep, 0.001)
+    rgb, half = (0.35, 0.25, 0.18), (1.3 * wide, 1.45 * deep, 2e-5)
     slab.box("shade", (0, 0, -0.22), half, rgb, surface="shade", alpha=0.7)
 
 
@@ -251,9 +251,9 @@ def _kitchen(world: mujoco.MjsBody) -> None:
 
 def _pendant(brush: Brush, at: np.ndarray) -> None:
     x, y = at
-    brush.rod("cord", (x, y, 1.98), (x, y, _WALL), 0.006, props.RUBBER)
-    brush.disc("shade_lamp", (x, y, 1.93), 0.15, 0.055, props.BRASS, surface="satin")
-    brush.ball("glow", (x, y, 1.87), (0.09, 0.09, 0.05), GLOW, surface="lamp")
+    brush.rod("cord", (x, y, 2.15), (x, y, _WALL), 0.006, props.RUBBER)
+    brush.disc("shade_lamp", (x, y, 2.10), 0.15, 0.055, props.BRASS, surface="satin")
+    brush.ball("glow", (x, y, 2.04), (0.09, 0.09, 0.05), GLOW, surface="lamp")
 
 
 def _outside(world: mujoco.MjsBody) -> None:
@@ -293,7 +293,7 @@ def dress_robot(body: mujoco.MjsBody) -> None:
 
 
 def aim(
-    model: mujoco.MjModel, camera: str, robot: np.ndarray, person: np.ndarray, start: np.ndarray
+    model: mujoco.MjModel, camera: str, robot: np.ndarray, guests: np.ndarray, start: np.ndarray
 ) -> None:
     """Point a camera of the dressed model.
 
@@ -301,33 +301,56 @@ def aim(
         model: dressed; its camera is changed.
         camera: one of ``CAMERAS``.
         robot: where the robot is, shape (2,).
-        person: where the person is who asks, shape (2,).
+        guests: where the guests are, shape (12, 2); the first asks.
         start: where the robot began, shape (2,); the guest's camera keeps still all service long.
     """
+    person = guests[0]
     if camera == "room":
         eye, target = np.array([0.0, -20.4, 21.6]), np.array([0.0, -0.1, 0.35])
     elif camera == "robot":
-        ahead = (person - robot) / max(float(np.hypot(*(person - robot))), 1e-6)
-        left = np.array([-ahead[1], ahead[0]])
-        eye = np.append(_inside(robot - 1.55 * ahead + 0.55 * left), 1.95)
+        ahead = _unit(person - robot)
+        side = np.array([-ahead[1], ahead[0]])
+        eye = np.append(_inside(robot - 1.6 * ahead + 0.55 * side), 1.85)
         target = np.append(robot + 0.5 * (person - robot) + 0.4 * ahead, 0.75)
     else:
-        ahead = (start - person) / np.hypot(*(start - person))
-        left = np.array([-ahead[1], ahead[0]])
-        # from the side that looks less at a wall
-        sides = [person - 1.7 * ahead + sign * 1.1 * left for sign in (1.0, -1.0)]
-        beside = min(sides, key=lambda eye: float(np.abs(eye - _inside(eye)).sum()))
-        eye = np.append(_inside(beside), 1.85)
-        target = np.append(person + 0.7 * ahead, 0.80)
-    back = eye - target
-    back /= np.linalg.norm(back)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
+        eye = np.append(_beside(guests, start), 1.85)
+        target = np.append(person + 0.7 * _unit(start - person), 0.80)
+    back = _unit(eye - target)
+    right = _unit(np.cross([0.0, 0.0, 1.0], back))
     rotation = np.stack([right, np.cross(back, right), back], axis=1)
     index = model.camera(camera).id
     model.cam_pos[index] = eye
     mujoco.mju_mat2Quat(model.cam_quat[index], rotation.ravel())
 
 
+def _beside(guests: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """A place behind the person from where neither walls nor guests hide the robot, shape (2,)."""
+    person, others = guests[0], guests[1:]
+    away = _unit(person - start)
+    angle = np.deg2rad([35.0, -35.0, 60.0, -60.0, 85.0, -85.0])
+    turned = np.stack(
+        [
+            np.cos(angle) * away[0] - np.sin(angle) * away[1],
+            np.sin(angle) * away[0] + np.cos(angle) * away[1],
+        ],
+        axis=1,
+    )
+    wanted = person + 2.0 * turned
+    eyes = _inside(wanted)
+    fault = np.hypot(*(wanted - eyes).T) + 0.2 * np.abs(angle)
+    for goal in (person, start):
+        # how near each guest comes to each line of sight
+        way = goal - eyes
+        share = ((others - eyes[:, None]) * way[:, None]).sum(axis=2) / (way**2).sum(axis=1)[:, None]
+        nearest = eyes[:, None] + share.clip(0.0, 1.0)[..., None] * way[:, None]
+        gap = np.hypot(*np.moveaxis(others - nearest, 2, 0))
+        fault += np.maximum(0.5 - gap, 0.0).sum(axis=1) * 4.0
+    return eyes[fault.argmin()]
+
+
 def _inside(point: np.ndarray) -> np.ndarray:
     return np.clip(point, -(plan.ROOM - 0.15), plan.ROOM - 0.15)
+
+
+def _unit(way: np.ndarray) -> np.ndarray:
+    return way / max(float(np.linalg.norm(way)), 1e-9)

@@ -92,7 +92,7 @@ def dress(body: mujoco.MjsBody, index: int, asking: bool) -> None:
     colours |= {"hips": trousers}
     brush.spot("shade", (0.0, 0.0, 0.008), 0.42)
     if asking:
-        brush.spot("glow", (0.0, 0.0, 0.005), 0.75, props.GLOW, 0.75, "shine")
+        brush.spot("glow", (0.0, 0.0, 0.005), 0.75, (1.0, 0.80, 0.35), 0.6)
     small = Brush(body, brush.prefix, brush.floor, group=INDOORS)
     for name in _RODS:
         paint = small if name in _SMALL else brush
@@ -245,8 +245,8 @@ def pose(
         "head": (skull, h * [0.97, 0.92, 1.0], zero),
         "hair": (skull + h * [-0.26, 0.0, 0.26], h * [0.98, 1.03, 0.92], zero),
         "nose": (skull + h * [0.96, 0.0, -0.12], h * [0.12, 0.10, 0.10], zero),
-        "torso": (hip + 0.26 * s[:, None] * up, s[:, None] * [0.116, 0.186, 0.30], lean),
-        "hem": (hip + 0.09 * s[:, None] * up, s[:, None] * [0.114, 0.163, 0.17], lean),
+        "torso": (hip + 0.285 * s[:, None] * up, s[:, None] * [0.116, 0.186, 0.275], lean),
+        "hem": (hip + 0.085 * s[:, None] * up, s[:, None] * [0.116, 0.164, 0.155], lean),
         "hips": (hip + point(zero, zero, 0.01), s[:, None] * [0.108, 0.145, 0.105], zero),
     }
     for side, sign in _SIDES:

@@ -120,8 +120,8 @@ class Screen:
         data.mocap_quat[:] = 0.0
         data.mocap_quat[:, 0] = np.cos(setups.facing[row] / 2)
         data.mocap_quat[:, 3] = np.sin(setups.facing[row] / 2)
-        person = setups.position[row, scene.PERSON]
-        dressing.aim(self._model, self.camera, data.qpos[:2], person, setups.start[row])
+        guests = setups.position[row]
+        dressing.aim(self._model, self.camera, data.qpos[:2], guests, setups.start[row])
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)

@@ -275,3 +275,15 @@ def write_results(
 def experiment(tmp_path: Path) -> Callable[..., Path]:
     """A function that writes a made-up experiment and gives its folder."""
     return lambda **options: write_results(tmp_path / "experiment", **options)
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a made-up experiment with its report; tests only read it."""
+    from evenhand.report import build
+
+    folder = write_results(
+        tmp_path_factory.mktemp("built") / "experiment", seeds=(0, 1), epochs=12, windows=20
+    )
+    assert build(folder) == folder / "report.html"
+    return folder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from evenhand.report import figures, style
 from evenhand.report.figures_biased import biased_data, biased_draw, zoom_caption, zoom_data
 from evenhand.report.figures_detector import calibration_caption, confusion_data
 from evenhand.report.figures_learning import arms_in, curve_data, score_draw
-from evenhand.report.figures_scores import tested_data, tested_draw
+from evenhand.report.figures_scores import scores_data, scores_draw
 from evenhand.report.figures_study import (
     behaviour_data,
     questionnaire_data,
@@ -28,7 +28,7 @@ from evenhand.report.tables import Table, table
 NAN = math.nan
 
 
-def rows_of(name: str, rows: list[Mapping[str, Any]]) -> Table:
+def rows_of(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """A table of the schema in which cells that do not matter have an innocent value."""
     innocent = {"text": "x", "int": 1, "number": 0.0, "share": 0.0, "flag": 0.0}
     columns = SCHEMAS[name]
@@ -146,7 +146,7 @@ def test_test_scores_have_seeds_interval_and_floor() -> None:
         | {"perfect_rate": 0.9, "willingness": NAN}
         for seed, total, floor in ((0, 0.1, 0.04), (1, 0.3, 0.06))
     ]
-    data = tested_data(results_of(test=rows_of("test", rows)))
+    data = scores_data(results_of(test=rows_of("test", rows)))
     total = {row["seed"]: row for row in data.where(measure="total").rows()}
     assert set(total) == {"mean", "0", "1"}
     assert total["mean"]["value"] == pytest.approx(0.2)
@@ -156,7 +156,7 @@ def test_test_scores_have_seeds_interval_and_floor() -> None:
     assert np.isnan(data.where(measure="willingness")["value"]).all()
     assert np.isnan(data.where(measure="risk")["chance_floor"]).all()
     with style.drawing():
-        figure = tested_draw(data, True)
+        figure = scores_draw(data, True)
     assert [pytest.approx(0.05)] * 2 in drawn_lines(figure)
     # one arm: its mean stands at x = 0, its seeds beside it; perfect services are per cent
     assert {(0.0, 0.2), (0.065, 0.1), (0.065, 0.3), (0.0, 90.0)} <= drawn_points(figure)

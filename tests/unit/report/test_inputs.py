@@ -26,7 +26,7 @@ def test_reads_every_table_of_an_experiment(experiment: Callable[..., Path]) -> 
     assert len(results["epochs"]) == 2 * 4 * 2 * 3  # presets, arms, seeds, epochs
     assert results["epochs"]["guided"].tolist()[:1] == [0.0]
     assert results.manifest["seeds"] == [4, 9]
-    assert [claim["id"] for claim in results.claims][0] == "detector_agreement"
+    assert results.claims[0]["id"] == "detector_agreement"
 
 
 def test_kinds_of_cells(tmp_path: Path) -> None:
