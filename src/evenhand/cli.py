@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import errno
+import importlib
+import io
 import os
+import re
+import shlex
+import signal
 import sys
-from collections.abc import Sequence
+import types
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from evenhand.errors import InputError, nearest
+from evenhand.errors import InputError, WorkerLostError, unknown
+from evenhand.experiments.pool import one_thread
 
 COMMANDS = {
-    "reproduce": ("Reproduce", "run the paper's whole experiment and write its report"),
-    "train": ("Train", "train one robot in a run folder; run it again to resume"),
-    "evaluate": ("Evaluate", "test a trained or a scripted robot on people it never saw"),
-    "demos": ("Demos", "let scripted robots serve, and simulated respondents judge them"),
+    "reproduce": ("reproduce.Reproduce", "run the paper's whole experiment, write its report"),
+    "train": ("train.Train", "train one robot in a run folder; run it again to resume"),
+    "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
+    "demos": ("demos.Demos", "let scripted robots serve, and simulated respondents judge them"),
     "detect": ("", "fit the detector to judgements, or judge services and issue scores"),
-    "bench": ("Bench", "measure the speed of the environment and of an epoch"),
+    "bench": ("bench.Bench", "measure the speed of the environment and of an epoch"),
 }
 DETECT = {
-    "fit": ("DetectFit", "fit the detector to a table of judgements"),
-    "judge": ("DetectJudge", "judge a table of services, or four issue scores"),
+    "fit": ("detect.DetectFit", "fit the detector to a table of judgements"),
+    "judge": ("detect.DetectJudge", "judge a table of services, or four issue scores"),
 }
+_HELP = ("-h", "--help", "help")
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,27 +42,49 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: after the program's name; those of this process by default.
 
     Returns:
-        Exit code: 0 when all went well, 2 for wrong input, 130 after Ctrl-C.
+        Exit code: 0 when all went well, 1 when a worker process was lost or the output cannot be
+        written, 2 for wrong input, 130 after Ctrl-C.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        # a batch system ends us so: leave as after an error, so that our processes end as well
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    one_thread()
     try:
-        return _dispatch(words)
+        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+        sys.stdout.flush()
+        return code
     except InputError as error:
-        print(f"evenhand: {error}", file=sys.stderr)
-        return 2
+        return _complain(str(error), 2)
+    except WorkerLostError as error:
+        return _complain(str(error), 1)
     except KeyboardInterrupt:
-        print(
-            "evenhand: stopped; what was finished is kept, the same command goes on from there",
-            file=sys.stderr,
+        return _complain(
+            "stopped; what was finished is kept, the same command goes on from there", 130
         )
-        return 130
     except BrokenPipeError:  # the reader of our output has gone, for instance `head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 0
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        _drop_output()
+        where = error.filename or "the output"
+        return _complain(f"{where} cannot be written: {error.strerror}: free some space", 1)
+
+
+def _complain(sentence: str, code: int) -> int:
+    print("evenhand:", " ".join(sentence.split()), file=sys.stderr)
+    return code
+
+
+def _drop_output() -> None:
+    """What is still in the buffer cannot go anywhere; do not fail on it again at the end."""
+    with contextlib.suppress(OSError, io.UnsupportedOperation):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _dispatch(words: list[str]) -> int:
-    if not words or words[0] in ("-h", "--help", "help"):
+    if not words or words[0] in _HELP:
         print(_overview("evenhand", "Robots that serve people evenly.", COMMANDS))
         return 0
     if words[0] in ("-V", "--version"):
@@ -57,33 +92,21 @@ def _dispatch(words: list[str]) -> int:
 
         print(f"evenhand {__version__}")
         return 0
-    table, program = COMMANDS, "evenhand"
+    table, program, kind = COMMANDS, "evenhand", "command"
     name, rest = words[0], words[1:]
     if name == "detect":
-        if not rest or rest[0] in ("-h", "--help"):
+        if not rest or rest[0] in _HELP:
             print(_overview("evenhand detect", "The bias detector (Eq. 3).", DETECT))
             return 0
-        table, program, name, rest = DETECT, "evenhand detect", rest[0], rest[1:]
+        table, program, kind = DETECT, "evenhand detect", "command of detect"
+        name, rest = rest[0], rest[1:]
     if name not in table:
-        guess = nearest(name, table)
-        hint = f"did you mean {guess!r}? " if guess else ""
-        raise InputError(
-            f"unknown command {program.removeprefix('evenhand').strip()} {name!r}: ".replace(
-                "command  ", "command "
-            )
-            + f"{hint}choose one of {', '.join(table)}"
-        )
-    return _run(table[name][0], f"{program} {name}", rest)
-
-
-def _run(command: str, program: str, words: list[str]) -> int:
-    import tyro
-
-    from evenhand import commands
-
-    # tyro ends with code 2 and a message of its own when the words cannot be parsed
-    parsed = tyro.cli(getattr(commands, command), prog=program, args=words)
-    return parsed.run(" ".join([program, *words]))
+        raise unknown(kind, name, table)
+    module, _, attribute = table[name][0].partition(".")
+    command = getattr(importlib.import_module(f"evenhand.commands.{module}"), attribute)
+    program = f"{program} {name}"
+    parsed = parse(command, program, rest)
+    return 0 if parsed is None else parsed.run(" ".join([program, *rest]))
 
 
 def _overview(program: str, line: str, table: dict[str, tuple[str, str]]) -> str:
@@ -92,3 +115,90 @@ def _overview(program: str, line: str, table: dict[str, tuple[str, str]]) -> str
         f"{line}\n\nusage: {program} COMMAND [options]\n\n{rows}\n\n"
         f"`{program} COMMAND --help` tells the options of a command."
     )
+
+
+def parse(command: type, program: str, words: Sequence[str]) -> Any:
+    """The command that the words ask for.
+
+    Args:
+        command: dataclass; its fields are the options.
+        program: what stands before the words.
+        words: options and their values.
+
+    Returns:
+        The command; None when help was asked for, and shown.
+
+    Raises:
+        InputError: when the words cannot be understood.
+    """
+    import tyro
+
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            return tyro.cli(
+                command, prog=program, args=words, config=(tyro.conf.FlagCreatePairsOff,)
+            )
+    except SystemExit as end:
+        if not end.code:
+            return None
+    # tyro says it in a box of many lines, so the words are read once more for one sentence
+    complaint = next(_complaints(command, words), f"cannot understand {shlex.join(words)!r}")
+    raise InputError(f"{complaint} (see `{program} --help`)")
+
+
+def _complaints(command: type, words: Sequence[str]) -> Iterator[str]:
+    """What is wrong with the words of a command, the surest thing first."""
+    hints = get_type_hints(command)
+    fields = {field.name: field for field in dataclasses.fields(command)}
+    bare = [name for name, field in fields.items() if "Positional" in str(field.type)]
+    options = {f"--{name.replace('_', '-')}": name for name in fields if name not in bare}
+    given: list[tuple[str, list[str]]] = [("", [])]
+    for word in words:
+        if re.match(r"--|-[a-zA-Z]", word) and word not in ("-inf", "-nan"):
+            option, mark, value = word.partition("=")
+            given.append((option.replace("_", "-"), [value] if mark else []))
+        else:
+            given[-1][1].append(word)
+    for option, values in given:
+        if option and option not in options:
+            yield str(unknown("option", option, options))
+        elif option:
+            yield from _wrong_values(option, values, hints[options[option]])
+    for option, name in options.items():
+        if fields[name].default is dataclasses.MISSING and option not in dict(given):
+            yield f"{option} is missing: it has to be given"
+    for word in given[0][1][len(bare) :]:
+        hint = f"did you mean --{word}?" if f"--{word}" in options else "options begin with --"
+        yield f"unexpected word {word!r}: {hint}"
+    for option, values in given[1:]:
+        if len(values) > 1:
+            yield f"too many words after {option}: {shlex.join(values)}"
+
+
+def _wrong_values(option: str, values: list[str], hint: Any) -> Iterator[str]:
+    """What is wrong with the values of one option, but for those that are too many."""
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(kind for kind in get_args(hint) if kind is not type(None))
+    if hint is bool:
+        return
+    kinds = [hint]
+    if get_origin(hint) is tuple:
+        several = get_args(hint)
+        kinds = [several[0]] * len(values) if several[-1] is Ellipsis else list(several)
+    if len(values) < len(kinds):
+        yield f"{option} needs " + (
+            "a value" if len(kinds) == 1 else f"{len(kinds)} values, and {len(values)} follow it"
+        )
+    for value, kind in zip(values, kinds, strict=False):
+        yield from _wrong_value(option, value, kind)
+
+
+def _wrong_value(option: str, value: str, kind: Any) -> Iterator[str]:
+    if get_origin(kind) is Literal:
+        if value not in get_args(kind):
+            yield str(unknown(option.removeprefix("--"), value, get_args(kind)))
+    elif kind in (int, float):
+        try:
+            kind(value)
+        except ValueError:
+            yield f"{option} is {value!r}: give a {'whole ' if kind is int else ''}number"

@@ -13,6 +13,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -83,8 +84,9 @@ def load(path: str | Path) -> Detector:
             field is missing, unknown, of the wrong length or not finite.
     """
     where = f"detector file {path}"
+    text = _text(path, where)
     try:
-        content = json.loads(_text(path, where))
+        content = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(
             f"{where} is cut off or is not JSON: line {error.lineno}, column {error.colno}: "
@@ -133,6 +135,7 @@ def read_answers(
     *,
     issues: Sequence[str] = ISSUES,
     discriminations: Sequence[str] = DISCRIMINATIONS,
+    missing: bool = False,
 ) -> Answers:
     """Read people's judgements from a CSV file with a header, one row a judged window.
 
@@ -144,6 +147,7 @@ def read_answers(
         path: the file, UTF-8, separated by commas.
         issues: names of the issue columns, in the detector's order.
         discriminations: names that the column ``discrimination`` may hold.
+        missing: an empty score is a missing one (NaN) instead of a mistake.
 
     Returns:
         The answers.
@@ -171,7 +175,14 @@ def read_answers(
                     f"{row}: there are {len(cells)} cells where the header has {len(header)}"
                 )
             cell = {name: cells[i].strip() for name, i in columns.items()}
-            scores.append([_score(cell[issue], f"{row}, column {issue!r}") for issue in issues])
+            scores.append(
+                [
+                    nan
+                    if missing and not cell[issue]
+                    else _score(cell[issue], f"{row}, column {issue!r}")
+                    for issue in issues
+                ]
+            )
             biased.append(_yes(cell["biased"], f"{row}, column 'biased'"))
             kinds.append(_kind(cell.get("discrimination", ""), biased[-1], discriminations, row))
             respondents.append(cell.get("respondent", ""))

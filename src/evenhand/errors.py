@@ -14,7 +14,7 @@ class InputError(ValueError):
     """
 
 
-class WorkerLost(RuntimeError):
+class WorkerLostError(RuntimeError):
     """A process that worked for this one is gone; what it had finished is kept."""
 
 

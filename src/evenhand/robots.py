@@ -22,7 +22,10 @@ from evenhand.errors import InputError, unknown
 from evenhand.restaurant import plan, serve, task
 
 MANNERS = ("proper", "far", "near", "close", "late", "ignore")
-"""Respond at about 1.25 m; at once; within 1 m; within 0.5 m; after 200 steps; never."""
+"""Respond at about 1.25 m; at once; within 1 m; within 0.5 m; after 200 steps; never.
+
+On the longest ways, over 4 m, nobody comes within 1 m or 0.5 m without being late as well.
+"""
 _PROPER, _FAR, _NEAR, _CLOSE, _LATE, _IGNORE = range(len(MANNERS))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import timedelta
 from typing import Any
 
 from rich.console import Console
@@ -14,7 +15,6 @@ from rich.progress import (
     Task,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.table import Table
 from rich.text import Text
@@ -22,15 +22,21 @@ from rich.text import Text
 from evenhand.experiments.pool import Tell
 
 
-class _Speed(ProgressColumn):
-    """Services and physics steps a second."""
+class _Pace(ProgressColumn):
+    """Services and physics steps a second, and the time left, of what this process serves.
+
+    What an earlier process had finished is part of the bar, but not of the pace.
+    """
 
     def render(self, task: Task) -> Text:
-        seconds = task.elapsed or 0.0
-        if not seconds or not task.fields.get("steps"):
+        seconds, served = task.elapsed or 0.0, task.fields["served"]
+        if not seconds or not served:
             return Text("")
-        services, steps = task.completed / seconds, task.fields["steps"] / seconds
-        return Text(f"{services:,.0f} services/s  {steps:,.0f} steps/s", style="dim")
+        pace = served / seconds
+        shown = f"{pace:,.0f} services/s  {task.fields['steps'] / seconds:,.0f} steps/s"
+        if task.remaining:
+            shown += f"  {timedelta(seconds=round(task.remaining / pace))} left"
+        return Text(shown, style="dim")
 
 
 class Stages:
@@ -41,13 +47,15 @@ class Stages:
 
     def __call__(self, name: str, units: int) -> Tell:
         """Begin a stage of so many units; returns where to tell progress."""
-        task = self._progress.add_task(name, total=units, steps=0)
-        steps = 0
+        task = self._progress.add_task(name, total=units, steps=0, served=0)
+        steps = served = 0
 
         def tell(done: int, numbers: Mapping[str, Any]) -> None:
-            nonlocal steps
-            steps += int(numbers.get("physics_steps", 0))
-            self._progress.update(task, advance=done, steps=steps)
+            nonlocal steps, served
+            new = int(numbers.get("physics_steps", 0))
+            steps += new
+            served += done if new else 0
+            self._progress.update(task, advance=done, steps=steps, served=served)
 
         return tell
 
@@ -61,9 +69,7 @@ def stages() -> Iterator[Stages]:
         BarColumn(bar_width=30),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        _Speed(),
+        _Pace(),
         console=console,
         disable=not console.is_terminal,
     ) as progress:

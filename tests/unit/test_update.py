@@ -336,3 +336,23 @@ def test_the_usual_step_size_depends_on_the_algorithm():
     assert UpdateSettings(algorithm="ppo").step_size == 0.001
     assert UpdateSettings(algorithm="reinforce").step_size == 0.003
     assert UpdateSettings(algorithm="reinforce", learning_rate=0.5).step_size == 0.5
+
+
+@pytest.mark.parametrize("algorithm", ["reinforce", "ppo"])
+def test_the_annealed_step_size_falls_evenly_to_nothing(algorithm):
+    """Adam's first step has the length of its step size: of 2 annealed updates the second gets
+    half of it, and the third none."""
+    sizes = dict(passes=1, minibatches=1, adam_eps=1e-12, entropy_coefficient=0.0)
+    plain = UpdateSettings(algorithm=algorithm, learning_rate=0.01, **sizes)
+    annealed = UpdateSettings(algorithm=algorithm, learning_rate=0.01, anneal_updates=2, **sizes)
+    batch, advantage, target = services(), grid(1), grid(2)
+    start = learner(plain)
+    once, _ = update(start, batch, advantage, target, plain, rng())
+    states = [learner(annealed)]
+    for _ in range(3):
+        states.append(update(states[-1], batch, advantage, target, annealed, rng())[0])
+    moved = [np.abs(vector(b) - vector(a)).max() for a, b in itertools.pairwise(states)]
+    assert_same_bits(states[1].policy, once.policy)
+    assert moved[0] == pytest.approx(0.01, rel=1e-3)
+    assert 0.0 < moved[1] < 0.0075
+    assert moved[2] == 0.0

@@ -1,0 +1,1 @@
+"""The paper end to end; imported by the command line only."""

@@ -1,86 +1,37 @@
-"""The paper's claims against what came out. Every verdict follows a rule that is written here."""
+"""The paper's claims against what came out. Every verdict follows a rule in ``verdicts``."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
-from scipy import stats
 
 from evenhand import people
 from evenhand.experiments import tables
 from evenhand.experiments.calibrate import SIGNATURES
 from evenhand.experiments.demos import KINDS, Demos, Study
 from evenhand.experiments.tables import Row
+from evenhand.experiments.verdicts import (
+    CONTRADICTED,
+    REPRODUCED,
+    UNTESTED,
+    Claim,
+    above_zero,
+    at_least,
+    claim,
+    contains,
+    interval,
+    number,
+    reduction,
+    t_interval,
+    undecided,
+)
 from evenhand.judgements import ISSUES
 from evenhand.robots import BIASES
 
-REPRODUCED, CONTRADICTED, UNTESTED = "reproduced", "contradicted", "cannot be tested"
+LOWER_SCORE = 0.22
+"""Share by which guidance lowers the total issue score in the paper's test."""
+FEWER_EPOCHS = 15 / 54
+"""Share by which guidance lowers PPO's biased epochs in the paper, printed as 27.8 %."""
 SIGNATURE_TOLERANCE = 0.05
-Claim = dict[str, Any]
-
-
-def claim(
-    name: str,
-    text: str,
-    paper: Any,
-    ours: Any,
-    ci95: Sequence[Any] | None,
-    seeds: int | None,
-    status: str,
-    evidence: str,
-) -> Claim:
-    """One row of ``claims.json``."""
-    return {
-        "id": name,
-        "claim": text,
-        "paper": paper,
-        "ours": ours,
-        "ci95": None if ci95 is None else list(ci95),
-        "seeds": seeds,
-        "status": status,
-        "evidence": evidence,
-    }
-
-
-def reduction(without: np.ndarray, with_guidance: np.ndarray) -> tuple[float, float, float]:
-    """Share by which guidance lowers a mean, with a 95 % interval over paired seeds.
-
-    The interval is Student's t of the paired differences, divided by the mean without guidance.
-
-    Args:
-        without: one number a seed, [S].
-        with_guidance: of the same seeds, [S].
-
-    Returns:
-        Estimate, lower and upper end; NaN for the ends with one seed, and for all three when
-        the mean without guidance is 0.
-    """
-    base = float(without.mean())
-    if base == 0.0:
-        return float("nan"), float("nan"), float("nan")
-    difference = without - with_guidance
-    estimate = float(difference.mean()) / base
-    n = len(difference)
-    if n < 2:
-        return estimate, float("nan"), float("nan")
-    half = float(stats.t.ppf(0.975, n - 1)) * float(difference.std(ddof=1)) / np.sqrt(n) / base
-    return estimate, estimate - half, estimate + half
-
-
-def at_least(low: float, high: float, bound: float) -> str:
-    """Verdict on "at least ``bound``": the interval lies above, below, or around it."""
-    if np.isnan(low) or np.isnan(high):
-        return UNTESTED
-    if low >= bound:
-        return REPRODUCED
-    return CONTRADICTED if high < bound else UNTESTED
-
-
-def contains(low: float, high: float, number: float) -> str:
-    """Verdict on "equals ``number``" for an estimate with an interval."""
-    return REPRODUCED if low <= number <= high else CONTRADICTED
 
 
 def all_claims(demos: Demos, study: Study, epochs: list[Row], test: list[Row]) -> list[Claim]:
@@ -116,21 +67,19 @@ def _detector_claims(study: Study) -> list[Claim]:
             found.agreement.value,
             (found.agreement.low, found.agreement.high),
             1,
-            at_least(found.agreement.low, found.agreement.high, 0.98)
-            if found.agreement.high < 0.98
-            else REPRODUCED,
+            REPRODUCED if found.agreement.high >= 0.98 else CONTRADICTED,
             common + "Partly by construction: simulated respondents judge by a threshold near 0.5.",
         ),
         claim(
             "detector_accuracy",
-            "The detector is accurate (98 %, of what is not said)",
-            0.98,
+            "Accuracy of the detector against people's judgements",
+            None,
             found.accuracy.value,
             (found.accuracy.low, found.accuracy.high),
             1,
-            REPRODUCED if found.accuracy.high >= 0.98 else CONTRADICTED,
-            common
-            + f"The manual threshold alone is right in {100 * found.manual_accuracy.value:.1f} %; "
+            UNTESTED,
+            common + "The paper prints no accuracy against people, only the agreement above. "
+            f"The manual threshold alone is right in {100 * found.manual_accuracy.value:.1f} %; "
             f"always giving the more frequent answer in {100 * found.baseline:.1f} %.",
         ),
     ]
@@ -159,11 +108,11 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
                 f"total_score_reduction_{algorithm}{suffix}",
                 f"Guidance lowers {algorithm.upper()}'s total issue score in the test by more "
                 f"than 22 % (reward: {reward})",
-                0.22,
-                _number(estimate),
-                _interval(low, high),
+                LOWER_SCORE,
+                number(estimate),
+                interval(low, high),
                 len(guided),
-                at_least(low, high, 0.22),
+                at_least(low, high, LOWER_SCORE),
                 f"Total {without.mean():.3f} without and {guided.mean():.3f} with guidance; chance "
                 f"alone gives {floor:.3f} at these issue rates. Perfect services: "
                 f"{perfect[0]:.1f} % without, {perfect[1]:.1f} % with. "
@@ -172,7 +121,7 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
                     if preset == "paper"
                     else ""
                 )
-                + _undecided(low, high, 0.22),
+                + undecided(estimate, low, high, LOWER_SCORE),
             )
         )
     counts = [_biased_epochs(epochs, preset, arm) for arm in ("ppo", "ppo+guidance")]
@@ -181,33 +130,28 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
         claim(
             f"biased_epochs_reduction_ppo{suffix}",
             f"Guidance lowers PPO's biased epochs from 54 to 39 of 300 (reward: {reward})",
-            round(15 / 54, 3),
-            _number(estimate),
-            _interval(low, high),
+            round(FEWER_EPOCHS, 3),
+            number(estimate),
+            interval(low, high),
             len(counts[0]),
-            at_least(low, high, 0.278),
+            at_least(low, high, FEWER_EPOCHS),
             f"Detector: {counts[0].mean():.1f} biased epochs without and {counts[1].mean():.1f} "
-            f"with guidance, of {_epochs(epochs)} each. " + _undecided(low, high, 0.278),
+            f"with guidance, of {_epochs(epochs)} each. "
+            + undecided(estimate, low, high, FEWER_EPOCHS),
         )
     )
     first, last = _quality(epochs, preset, "ppo+guidance")
     change = last - first
-    low, high = _t_interval(change)
+    low, high = t_interval(change)
     out.append(
         claim(
             f"quality_improved{suffix}",
             f"Guided PPO improves the quality of service while it learns (reward: {reward})",
             "improved",
-            _number(float(change.mean())),
-            _interval(low, high),
+            number(float(change.mean())),
+            interval(low, high),
             len(change),
-            UNTESTED
-            if np.isnan(low)
-            else REPRODUCED
-            if low > 0
-            else CONTRADICTED
-            if high < 0
-            else UNTESTED,
+            above_zero(low, high),
             f"Share of perfect services: {100 * first.mean():.1f} % in the first 10 epochs, "
             f"{100 * last.mean():.1f} % in the last 40. "
             + (
@@ -219,14 +163,6 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
         )
     )
     return out
-
-
-def _undecided(low: float, high: float, bound: float) -> str:
-    if np.isnan(low):
-        return "One seed gives no interval: run more seeds."
-    if low < bound <= high:
-        return f"The interval holds {bound:g}: these seeds cannot tell."
-    return ""
 
 
 def _epochs(epochs: list[Row]) -> int:
@@ -261,13 +197,6 @@ def _quality(epochs: list[Row], preset: str, arm: str) -> tuple[np.ndarray, np.n
             ]
         )
     return np.array(parts[0]), np.array(parts[1])
-
-
-def _t_interval(values: np.ndarray) -> tuple[float, float]:
-    if len(values) < 2:
-        return float("nan"), float("nan")
-    half = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return float(values.mean() - half), float(values.mean() + half)
 
 
 def _signature_claims(demos: Demos) -> list[Claim]:
@@ -354,11 +283,3 @@ def _study_claims(study: Study) -> list[Claim]:
             )
         )
     return out
-
-
-def _number(value: float) -> float | None:
-    return None if np.isnan(value) else value
-
-
-def _interval(low: float, high: float) -> tuple[float, float] | None:
-    return None if np.isnan(low) or np.isnan(high) else (low, high)

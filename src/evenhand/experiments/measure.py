@@ -20,7 +20,11 @@ _SHUFFLES = 4
 
 
 def serve_policy(
-    state: LearnerState, settings: TrainSettings, services: int, seed: int
+    state: LearnerState,
+    settings: TrainSettings,
+    services: int,
+    seed: int,
+    population: str | None = None,
 ) -> Interactions:
     """Serve people with a trained policy, as it acted in training (by chance, not greedily).
 
@@ -29,10 +33,11 @@ def serve_policy(
         settings: of its training.
         services: how many people.
         seed: of people, places and chances; choose one that training never saw.
+        population: where people are drawn from; that of the training if None.
     """
     actor = Actor(state.policy)
     rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(settings.population), services, rng)
+    setups = layout.draw(people.population(population or settings.population), services, rng)
     return _record(
         lambda seen, _: actor.probability(seen),
         setups,
@@ -90,14 +95,12 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
         total and the four issues (means over windows of 30, as the paper scores them), floor (the
         total that chance alone gives: identities permuted over the same services), pooled_total
         (of all services as one window), shares of perfect services (overall and of the worst of
-        the 22 groups) and of responses, mean response distance (m) and time (steps).
+        the 22 groups) and of responses, mean response distance (m) and time (steps). None where
+        nothing is known.
     """
     windows = window_scores(table)
     rng = np.random.default_rng(seed)
-    chance = [
-        float(np.nanmean(window_scores(table, rng.permutation(len(table))).total))
-        for _ in range(_SHUFFLES)
-    ]
+    chance = [window_scores(table, rng.permutation(len(table))).total for _ in range(_SHUFFLES)]
     good = perfect(table)
     who = issues.membership(table)
     groups = [good[who.inside[:, g] == 1.0] for g in range(len(who.groups))]
@@ -105,10 +108,10 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
     distance, step = table.fact("response_distance"), table.fact("response_step")
     return {
         "services": len(table),
-        "total": float(np.nanmean(windows.total)),
+        "total": _mean(windows.total),
         **{name: _mean(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
-        "floor": float(np.mean(chance)),
-        "pooled_total": float(issues.score(table).total),
+        "floor": _mean(np.concatenate(chance)),
+        "pooled_total": _mean(np.atleast_1d(issues.score(table).total)),
         "perfect_rate": float(good.mean()),
         "worst_group_rate": min(float(group.mean()) for group in groups if len(group)),
         "response_rate": float(responded.mean()),

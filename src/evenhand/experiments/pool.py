@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evenhand.errors import InputError, WorkerLost
+from evenhand.errors import InputError, WorkerLostError
 
 Tell = Callable[[int, dict[str, Any]], None]
 """(units done, numbers to show): how a task reports while it runs."""
@@ -56,7 +56,7 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
 
     Raises:
         InputError: as a task raised it.
-        WorkerLost: when a process died.
+        WorkerLostError: when a process died.
         RuntimeError: when a task failed otherwise, with its traceback.
     """
     if workers < 1:
@@ -119,7 +119,7 @@ def _start(processes: Sequence[Any]) -> None:
 def _check_alive(processes: Sequence[Any]) -> None:
     for process in processes:
         if process.exitcode not in (None, 0):
-            raise WorkerLost(
+            raise WorkerLostError(
                 f"a worker process ended with code {process.exitcode} (out of memory, or killed): "
                 "run the same command again, it goes on where it was"
             )

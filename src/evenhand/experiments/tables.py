@@ -89,7 +89,7 @@ def questionnaire(study: Study) -> tuple[list[Row], list[Row]]:
 
 
 def judgements(demos: Demos, study: Study) -> list[Row]:
-    """Every simulated judgement with the scores that were judged."""
+    """Every simulated judgement with the scores that were judged; ``detect fit`` reads them."""
     seen = study.seen
     return [
         {
@@ -100,6 +100,7 @@ def judgements(demos: Demos, study: Study) -> list[Row]:
             "shown": IDENTITIES[study.shown[w]],
             "biased": bool(study.said.biased[w]),
             "identity": IDENTITIES[study.said.identity[w]] if study.said.biased[w] else "",
+            "discrimination": study.said.kinds[w],
             "issue": ISSUES[study.said.issue[w]] if study.said.biased[w] else "",
             **dict(zip(ISSUES, seen[w], strict=True)),
             "total": float(np.nansum(seen[w])),

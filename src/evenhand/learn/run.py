@@ -2,7 +2,7 @@
 
 A folder holds ``settings.json`` (settings, versions, fingerprint), ``detector.json``,
 ``epochs.jsonl`` (a line an epoch), ``services/`` (Parquet, a file for each checkpoint),
-``checkpoint.npz`` and, once it is finished, ``done.json``.
+``checkpoint.npz`` and, once an experiment has tested what was learned, ``done.json``.
 """
 
 from __future__ import annotations
@@ -119,21 +119,22 @@ def read_epochs(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
     path = Path(folder) / "epochs.jsonl"
     if not path.exists():
         raise InputError(f"{path} does not exist: {folder} is no run folder, or nothing ran yet")
-    return [json.loads(line) for line in _lines(path)]
+    return _checked(path, path.read_bytes().splitlines())
 
 
-def _lines(path: Path) -> list[str]:
-    """Lines of a log, each of them whole and of the epoch that it stands for."""
-    found = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    for number, line in enumerate(found):
+def _checked(log: Path, lines: list[bytes]) -> list[dict[str, Any]]:
+    """Lines of a log as JSON, each of them whole and of the epoch that it stands for."""
+    found = []
+    for number, line in enumerate(lines):
         try:
-            whole = json.loads(line)["epoch"] == number
+            found.append(json.loads(line))
+            right = found[-1]["epoch"] == number
         except (ValueError, TypeError, KeyError):
-            whole = False
-        if not whole:
+            right = False
+        if not right:
             raise InputError(
-                f"{path} line {number + 1} is cut off or damaged: delete {path.parent} and run "
-                "the same command again"
+                f"{log} line {number + 1} is cut off or damaged: delete {log.parent} and run the "
+                "same command again"
             )
     return found
 
@@ -241,10 +242,12 @@ def _resume(
         _check_versions(root)
     log = root / "epochs.jsonl"
     kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
-    if len(kept) < first or not all(line.endswith(b"\n") for line in kept):
-        raise InputError(f"{log} has fewer lines than its checkpoint has epochs: delete {root}")
-    files.write_text(log, b"".join(kept).decode(errors="replace"))
-    _lines(log)
+    if len(_checked(log, kept)) < first:
+        raise InputError(
+            f"{log} has {len(kept)} lines, but {first} epochs have run: delete {root} and run the "
+            "same command again"
+        )
+    files.write_text(log, b"".join(kept).decode())
     services = files.make_folder(root / "services")
     files.sweep(services)
     there = 0
@@ -257,14 +260,17 @@ def _resume(
         else:
             there = end
     if there < first:
-        raise InputError(f"{services} lacks the services of epoch {there}: delete {root}")
+        raise InputError(
+            f"{services} lacks the services of epoch {there}: delete {root} and run the same "
+            "command again"
+        )
     return state, rng, first
 
 
 def _check_versions(root: Path) -> None:
     """Another version may calculate otherwise, and a run goes on bit for bit or not at all."""
     noted = files.read_record(root / "settings.json", "versions")["versions"]
-    differs = files.differences(noted, versions())
+    differs = files.differences(noted | {"python": ""}, versions() | {"python": ""})
     if differs:
         raise InputError(
             f"{root} was begun with other versions ({differs}): install those, or begin anew in "

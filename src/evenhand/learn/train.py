@@ -15,7 +15,7 @@ import numpy as np
 
 from evenhand import guidance, issues, people
 from evenhand.detector import Detector
-from evenhand.errors import InputError, unknown
+from evenhand.errors import InputError, unknown, whole
 from evenhand.interactions import Interactions
 from evenhand.learn import losses
 from evenhand.learn.policy import Actor, ActorCritic, PolicySettings, state_values
@@ -77,12 +77,9 @@ class TrainSettings:
         if self.preset not in PRESETS:
             raise unknown("preset", self.preset, PRESETS)
         people.population(self.population)
-        if self.seed < 0:
-            raise InputError(f"seed is {self.seed}: give 0 or a positive whole number")
-        if self.epochs < 1:
-            raise InputError(f"epochs is {self.epochs}: give at least 1")
-        if not 2 <= self.people <= 10_000:
-            raise InputError(f"people is {self.people}: an epoch has 2 to 10000 services")
+        whole("seed", self.seed, 0, 2**32 - 1)
+        whole("epochs", self.epochs, 1, 1_000_000)
+        whole("people", self.people, 2, 10_000)
         if not 0.0 <= self.evenness_weight < np.inf:
             raise InputError(f"evenness_weight is {self.evenness_weight}: give 0 or more")
         if not 0.0 <= self.threshold < np.inf:
@@ -118,7 +115,7 @@ def preset(
         epochs=epochs,
         population=population,
         guidance=guidance.GuidanceSettings(kind="penalty" if guided else "score"),
-        update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma),
+        update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
     )
 
 
@@ -193,7 +190,9 @@ def train(
         )
         served_at = perf_counter()
         scores, inside = _score(table)
-        verdict = detector.judge_window(scores.by_identity)
+        # only what the detector was taught: each identity more raises the false alarms
+        known = {name: scores.by_identity[name] for name in detector.identities}
+        verdict = detector.judge_window(known)
         biased = bool(verdict.biased)
         even = guidance.person_rewards(scores, inside, biased, settings.guidance)
         advantage, target = _advantages(settings, state.policy, done, even, following)
@@ -204,7 +203,8 @@ def train(
         numbers |= {
             "biased_detector": biased,
             "biased_threshold": bool(scores.total > settings.threshold),
-            "probability": float(np.nanmax(verdict.probability)),
+            # -inf, which becomes a missing number, when nothing could be judged
+            "probability": np.nan_to_num(verdict.probability, nan=-np.inf).max(),
             "time_serving": served_at - began,
             "time_updating": perf_counter() - updating_at,
         }

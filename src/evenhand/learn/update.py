@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from evenhand.errors import InputError, unknown
+from evenhand.errors import InputError, unknown, whole
 from evenhand.learn import losses
 from evenhand.learn.batches import Decisions, Trajectories, deal, pack
 from evenhand.learn.policy import ActorCritic, PolicySettings, make_policy
@@ -38,6 +38,9 @@ class UpdateSettings:
     learning_rate: float | None = None
     """Step size of Adam; none means 0.001 for ppo and 0.003 for reinforce, which takes one step
     where ppo takes many."""
+
+    anneal_updates: int | None = None
+    """The learning rate falls evenly to 0 over so many updates; none keeps it as it is."""
 
     adam_eps: float = 1e-5
     """Term in Adam's denominator."""
@@ -81,6 +84,8 @@ class UpdateSettings:
             self._require(name, 0.0 <= getattr(self, name) < np.inf, "give 0 or a number above 0")
         for name in ("gamma", "gae_lambda"):
             self._require(name, 0.0 <= getattr(self, name) <= 1.0, "give a number from 0 to 1")
+        if self.anneal_updates is not None:
+            whole("anneal_updates", self.anneal_updates, 1, 1_000_000)
         for name in ("passes", "minibatches"):
             self._require(name, getattr(self, name) >= 1, "give a whole number of 1 or more")
 
@@ -130,10 +135,17 @@ class UpdateReport:
     """Mean length of the gradient before shortening."""
 
 
+def _learning_rate(settings: UpdateSettings) -> optax.ScalarOrSchedule:
+    if settings.anneal_updates is None:
+        return settings.step_size
+    steps = settings.passes * settings.minibatches if settings.algorithm == "ppo" else 1
+    return optax.linear_schedule(settings.step_size, 0.0, settings.anneal_updates * steps)
+
+
 def _optimiser(settings: UpdateSettings) -> optax.GradientTransformation:
     return optax.chain(
         optax.clip_by_global_norm(settings.max_grad_norm),
-        optax.adam(settings.step_size, eps=settings.adam_eps),
+        optax.adam(_learning_rate(settings), eps=settings.adam_eps),
     )
 
 

@@ -155,7 +155,10 @@ class Figures:
             )
             for kind in ("chair", "wheels", "cane")
         }
-        self._floor = -float(model.body(model.geom_bodyid[self._hair[0]]).pos[2])
+        # parts were compiled unturned, which lets MuJoCo skip their rotation: they will turn
+        model.geom_sameframe[self._rods] = model.geom_sameframe[self._balls] = 0
+        body = model.geom_bodyid[self._hair[0]]
+        self._floor = np.array([0.0, 0.0, -model.body_pos[body, 2]])
 
     def show(self, setups: Setups, row: int) -> None:
         """Draw the guests of one service.
@@ -170,7 +173,7 @@ class Figures:
         rods, balls = pose(age, wheels, setups.table[row] >= 0, self.asking)
         m = self.model
         start, end, radius = (np.stack([rods[name][k] for name in _RODS], axis=1) for k in range(3))
-        m.geom_pos[self._rods] = (start + end) / 2 + [0.0, 0.0, self._floor]
+        m.geom_pos[self._rods] = (start + end) / 2 + self._floor
         m.geom_size[self._rods, 0] = radius
         m.geom_size[self._rods, 1] = np.linalg.norm(end - start, axis=-1) / 2
         m.geom_quat[self._rods] = _along(end - start)
@@ -178,7 +181,7 @@ class Figures:
         centre, radii, lean = (
             np.stack([balls[name][k] for name in _BALLS], axis=1) for k in range(3)
         )
-        m.geom_pos[self._balls] = centre + [0.0, 0.0, self._floor]
+        m.geom_pos[self._balls] = centre + self._floor
         m.geom_size[self._balls] = radii
         m.geom_rbound[self._balls] = radii.max(axis=-1)
         m.geom_quat[self._balls] = np.stack(
@@ -253,10 +256,9 @@ def pose(
         shoulder = yoke + point(zero, 0.16 * s * sign, 0.01 * s)
         elbow = shoulder + s[:, None] * [-0.03, 0.065 * sign, -0.26]
         hand = elbow + s[:, None] * [0.07, 0.0, -0.23]
-        on_lap = hip + s[:, None] * [0.30, 0.13 * sign, 0.15]
         on_arm = point(0.12 + zero, 0.225 * sign, 0.72)
-        on_table = point(0.37 + zero, 0.15 * sign, props.TABLE_HEIGHT + 0.045)
-        rest = either(at_table, on_table, either(wheels, on_arm, on_lap))
+        on_table = point(0.20 + 0.16 * s, 0.15 * sign, props.TABLE_HEIGHT + 0.045)
+        rest = either(at_table, on_table, on_arm)
         bent = shoulder + s[:, None] * [0.05, 0.09 * sign, -0.24]
         elbow, hand = either(seated, bent, elbow), either(seated, rest, hand)
         if sign > 0:

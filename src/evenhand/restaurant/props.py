@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 Rgb = tuple[float, float, float]
+Point = Sequence[float] | np.ndarray
 
 LOOKS = 1
 """Geom group of what every camera shows."""
@@ -166,7 +167,7 @@ class Brush:
         )
 
 
-def chair(brush: Brush, at: Sequence[float], facing: float) -> None:
+def chair(brush: Brush, at: Point, facing: float) -> None:
     """A chair around a point; facing is 1 along x, -1 against it."""
     x, y = at
     under = (SEAT_HEIGHT - 0.04) / 2
@@ -181,7 +182,7 @@ def chair(brush: Brush, at: Sequence[float], facing: float) -> None:
         brush.box(f"slat{k}", (back, y, height), (0.009, 0.145, 0.042), WOOD)
 
 
-def table(brush: Brush, at: Sequence[float], radius: float) -> None:
+def table(brush: Brush, at: Point, radius: float) -> None:
     """A round table on one leg, laid with a flower and a candle."""
     x, y = at
     top = TABLE_HEIGHT
@@ -204,7 +205,7 @@ def table(brush: Brush, at: Sequence[float], radius: float) -> None:
     small.ball("flame", flame, (0.010, 0.010, 0.020), GLOW, surface="lamp")
 
 
-def plant(brush: Brush, at: Sequence[float], tall: float) -> None:
+def plant(brush: Brush, at: Point, tall: float) -> None:
     """A plant in a pot."""
     x, y = at
     brush.disc("pot", (x, y, 0.17), 0.16, 0.17, CUSHION)

@@ -12,7 +12,7 @@ import functools
 import mujoco
 import numpy as np
 
-from evenhand.restaurant import dressing, figures, plan
+from evenhand.restaurant import dressing, plan
 
 FOOTPRINT_HEIGHT = 0.30
 """Height of all footprint spheres and of the sensor."""
@@ -51,10 +51,7 @@ def build(dressed: bool = False) -> mujoco.MjSpec:
     guests = [_guest(world, i) for i in range(plan.N_GUESTS)]
     _sensors(spec)
     if dressed:
-        dressing.dress_room(spec)
-        dressing.dress_robot(robot)
-        for i, guest in enumerate(guests):
-            figures.dress(guest, i, asking=i == PERSON)
+        dressing.dress(spec, robot, guests, PERSON)
     return spec
 
 

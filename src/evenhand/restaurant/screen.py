@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from evenhand.errors import InputError, unknown
-from evenhand.restaurant import dressing, plan, scene
+from evenhand.restaurant import dressing, scene
 from evenhand.restaurant.figures import Figures
 from evenhand.restaurant.layout import Setups
 from evenhand.restaurant.props import INDOORS
@@ -73,11 +73,11 @@ class Screen:
         self._options.geomgroup[INDOORS] = camera != "room"
         self._options.sitegroup[:] = 0
         self._groups = self._model.geom_group.copy()
-        self._renderer: mujoco.Renderer | None = _renderer(self._model, width, height)
-        flags = self._renderer.scene.flags
+        renderer = _renderer(self._model, width, height)
         # five to seven times faster without
-        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
-        flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        self._renderer: mujoco.Renderer | None = renderer
 
     def picture(self, world: World, lane: int, setups: Setups, row: int) -> np.ndarray:
         """A service as it stands now.

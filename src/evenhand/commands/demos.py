@@ -1,0 +1,87 @@
+"""``evenhand demos``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from evenhand import files, people
+from evenhand.errors import whole
+from evenhand.experiments.settings import CORES, DEMO_SEED, SEEDS, WINDOWS, WORKERS
+
+
+@dataclass(frozen=True)
+class Demos:
+    """Let scripted robots serve, and simulated respondents judge what they did.
+
+    An even, a racist, an ageist and an ableist robot take turns. The folder then holds:
+    - services/: the services, as Parquet
+    - judgements.csv: what the respondents said of each window of 30
+    - signatures.csv: the issue scores of every discrimination
+    - behaviour.csv: how far, how late and how seldom each robot responds
+    - questionnaire.csv, questionnaire_issue.csv: answers to the four scenarios
+
+    Then: evenhand detect fit --answers FOLDER/judgements.csv --source "simulated respondents"
+    """
+
+    out: Annotated[Path, arg(metavar="FOLDER")]
+    """Folder of the tables."""
+
+    windows: int = 1000
+    """Windows of 30 services; each is judged once."""
+
+    seed: int = DEMO_SEED
+    """Of everything random."""
+
+    population: Annotated[str, arg(metavar="uniform|us|fairface")] = "uniform"
+    """Where people are drawn from: all categories alike, or published shares."""
+
+    workers: int = CORES
+    """Processes that work at the same time; results do not depend on it."""
+
+    def run(self, command: str) -> int:
+        """Serve, judge, write, and print the signatures."""
+        whole("windows", self.windows, *WINDOWS)
+        whole("seed", self.seed, *SEEDS)
+        whole("workers", self.workers, *WORKERS)
+        people.population(self.population)
+        from evenhand import show
+        from evenhand.experiments import demos, measure, tables
+        from evenhand.experiments.pool import run_all
+
+        out = files.make_folder(self.out)
+        fixed = {"windows": self.windows, "seed": self.seed, "population": self.population}
+        with files.locked(out):
+            files.claim_folder(out, "demonstrations.json", fixed)
+            folder = files.make_folder(out / "services")
+            files.sweep(out)
+            files.sweep(folder)
+            with show.stages() as stage:
+                tell = stage("demonstrations", self.windows * measure.WINDOW)
+                work = demos.tasks(self.windows, self.seed, self.population, folder)
+                run_all(work, self.workers, tell)
+            shown = demos.load(self.windows, self.seed, folder)
+            study = demos.study(shown, self.seed)
+            named, worst = tables.questionnaire(study)
+            signatures = tables.signatures(shown)
+            for name, rows in (
+                ("judgements", tables.judgements(shown, study)),
+                ("signatures", signatures),
+                ("behaviour", tables.behaviour(shown)),
+                ("questionnaire", named),
+                ("questionnaire_issue", worst),
+            ):
+                tables.write(out / f"{name}.csv", rows)
+        show.table(
+            "Mean issue scores at full strength (simulated)",
+            ("discrimination", "issue", "paper", "ours", "from", "to"),
+            [
+                [row[k] for k in ("discrimination", "issue", "paper", "ours", "ci_low", "ci_high")]
+                for row in signatures
+            ],
+        )
+        print(out)
+        return 0

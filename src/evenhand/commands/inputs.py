@@ -1,0 +1,86 @@
+"""What several commands read and write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evenhand import files
+from evenhand.errors import InputError, unknown
+
+if TYPE_CHECKING:
+    from evenhand.detector import Detector
+    from evenhand.interactions import Interactions
+
+ENDINGS = (".parquet", ".csv")
+
+
+def load_detector(path: Path | None) -> Detector:
+    """A detector from a file, or the one that comes with Evenhand."""
+    from evenhand import detector_io
+
+    return detector_io.load(path if path is not None else detector_io.SHIPPED)
+
+
+def parse_tau(text: str) -> tuple[float, float, float, float]:
+    """Weights of the issues from a preset's name or four numbers.
+
+    Raises:
+        InputError: for an unknown preset or numbers that are no weights.
+    """
+    from evenhand import guidance
+
+    if text in guidance.TAU:
+        return guidance.TAU[text]
+    try:
+        a, b, c, d = (float(part) for part in text.split(","))
+    except ValueError:
+        raise unknown("tau", text, [*guidance.TAU, "four numbers as 1,1,1,2"]) from None
+    guidance.check_tau((a, b, c, d))
+    return (a, b, c, d)
+
+
+def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
+    """Services from a Parquet or CSV file.
+
+    Raises:
+        InputError: when the file is missing, of another kind, or holds no services.
+    """
+    from evenhand.interactions import Interactions
+    from evenhand.people import DISCRIMINATION
+
+    _check_ending(path)
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: give a file of services")
+    if path.suffix == ".parquet":
+        table = Interactions.read_parquet(path)
+    else:
+        table = Interactions.read_csv(path, identities or tuple(DISCRIMINATION))
+    if not len(table):
+        raise InputError(f"{path} holds no services: give a file with at least one row")
+    return table
+
+
+def check_target(path: Path) -> None:
+    """Before long work: can services be written here?
+
+    Raises:
+        InputError: when the ending is wrong or the folder cannot be written.
+    """
+    _check_ending(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: give the name of a file")
+    files.make_folder(path.parent)
+
+
+def write_services(table: Interactions, path: Path) -> None:
+    """Services to a Parquet or CSV file."""
+    if path.suffix == ".parquet":
+        table.write_parquet(path)
+    else:
+        table.write_csv(path)
+
+
+def _check_ending(path: Path) -> None:
+    if path.suffix not in ENDINGS:
+        raise InputError(f"{path} does not end in {' or '.join(ENDINGS)}: give such a file")

@@ -1,0 +1,104 @@
+"""``evenhand train``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from evenhand.commands import inputs
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train one robot in a run folder.
+
+    An epoch: 30 people are served, their services are scored (Eq. 1 and 2), the detector says
+    whether they look biased (Eq. 3), evenness is rewarded (Eq. 4 and 5), and the policy is
+    updated (Eq. 6 to 8).
+
+    The folder keeps settings and versions (settings.json), every epoch (epochs.jsonl), every
+    service (services/) and a checkpoint every 50 epochs. Stop it whenever you like: the same
+    command goes on from the last checkpoint, and ends with the same bits.
+
+    For instance: evenhand train --out out/run --algorithm reinforce --guidance score
+    """
+
+    out: Annotated[Path, arg(metavar="FOLDER")]
+    """Folder of the run: a new one, or that of the same command, which then goes on."""
+
+    preset: Literal["paper", "service"] = "service"
+    """What is rewarded.
+    paper: evenness (Eq. 4/5) and nothing else, as printed.
+    service: good service plus evenness."""
+
+    algorithm: Literal["reinforce", "ppo"] = "ppo"
+    """How the policy learns from an epoch.
+    reinforce: in one step, with the critic as baseline.
+    ppo: in several clipped steps."""
+
+    guidance: Literal["none", "score", "penalty"] = "penalty"
+    """What evenness pays.
+    none: nothing.
+    score: Eq. 4.
+    penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5)."""
+
+    credit: Literal["own_groups", "epoch"] = "own_groups"
+    """Whose disparity the reward for a person counts.
+    own_groups: of the groups this person belongs to.
+    epoch: of all groups, the same for everybody."""
+
+    tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
+    """Weights of willingness, quality, priority and risk in Eq. 4.
+    By name: equal, risk_first, willingness_first, risk_then_willingness.
+    Or as numbers: 1,1,1,2."""
+
+    penalty: float = 0.5
+    """Lambda of Eq. 5, 0 to 1; counts with --guidance penalty."""
+
+    seed: int = 0
+    """Of everything random in the run; the same seed gives the same run."""
+
+    epochs: int = 300
+    """Updates."""
+
+    people: int = 30
+    """Services in one epoch; the paper has 30."""
+
+    population: Annotated[str, arg(metavar="uniform|us|fairface")] = "uniform"
+    """Where people are drawn from: all categories alike, or published shares."""
+
+    detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
+    """Detector that judges every epoch, from `evenhand detect fit`.
+    Without it: the one that comes along, fitted to simulated respondents."""
+
+    def run(self, command: str) -> int:
+        """Train and print where the run is."""
+        from evenhand import guidance, show
+        from evenhand.learn import run, train
+        from evenhand.learn.runtime import set_up_jax
+
+        set_up_jax()
+        base = train.preset(
+            self.preset,
+            self.algorithm,
+            True,
+            seed=self.seed,
+            epochs=self.epochs,
+            population=self.population,
+        )
+        settings = replace(
+            base,
+            people=self.people,
+            guidance=guidance.GuidanceSettings(
+                self.guidance, self.credit, inputs.parse_tau(self.tau), self.penalty
+            ),
+        )
+        judge = inputs.load_detector(self.detector)
+        with show.stages() as stage:
+            tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
+            run.execute(self.out, settings, judge, progress=lambda n: tell(n["services"], n))
+        print(self.out)
+        return 0

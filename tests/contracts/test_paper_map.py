@@ -1,0 +1,177 @@
+"""PAPER.md names only what exists, names all of the paper, and its arithmetic is right."""
+
+import ast
+import importlib
+import re
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evenhand import issues, people
+from evenhand.experiments import tables
+from evenhand.report.figures import PLATES
+from evenhand.restaurant import layout
+from evenhand.restaurant.world import World
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "PAPER.md").read_text()
+TESTS = {
+    path.relative_to(ROOT / "tests"): path.read_text()
+    for path in sorted((ROOT / "tests").rglob("test_*.py"))
+}
+
+PLACES = sorted(set(re.findall(r"`([a-z_.]+:[\w.]*\w)(?: = ([^`]+))?`", PAGE)))
+NAMED_TESTS = sorted(set(re.findall(r"`([\w/]+)::(test_\w+)`", PAGE)))
+MEANINGS = ("faithful", "repaired", "chosen")
+
+PRINTED = [
+    *(f"Eq. {n}" for n in range(1, 9)),
+    *(f"Definition {n}" for n in range(1, 5)),
+    *(f"Fig. {n}" for n in range(1, 13)),
+    # thresholds and settings
+    "[1, 1.5] m", "200 steps", "0.5 m", "[1, 1, 1, 1]", "λ = 0.5", "T = 30", "threshold 0.5",
+    "30 people", "40 epochs",
+    # the study
+    "24 volunteers", "1,000", "9,000", "35.7 %", "21.4 %",
+    # results
+    "98 %", "22 %", "54 → 39", "27.8 %", "1.89", "124.93", "4.36",
+    "[0.49, 0.25, 0.38, 0.43]", "[0.42, 0.68, 0.54, 0.49]", "[0.05, 0.66, 0, 0]",
+]  # fmt: skip
+
+
+def found(place: str) -> object:
+    """What ``module:name.name`` of the package stands for."""
+    module, names = place.split(":")
+    return reduce(getattr, names.split("."), importlib.import_module(f"evenhand.{module}"))
+
+
+def defined(file: str, function: str) -> bool:
+    """Whether a test file of this name, in whatever folder, holds this test."""
+    wanted = Path(f"{file}.py").parts
+    texts = [text for path, text in TESTS.items() if path.parts[-len(wanted) :] == wanted]
+    return any(re.search(rf"^\s*def {function}\(", text, re.MULTILINE) for text in texts)
+
+
+def rows() -> list[tuple[str, ...]]:
+    """Cells of every row of the tables that say how something is kept."""
+    out, inside = [], False
+    for line in PAGE.splitlines():
+        cells = tuple(cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1])
+        if cells and cells[-1] == "how":
+            inside = True
+        elif not cells:
+            inside = False
+        elif inside and set("".join(cells)) != {"-"}:
+            out.append(cells)
+    return out
+
+
+@pytest.mark.parametrize(("place", "value"), PLACES)
+def test_every_place_exists_and_holds_its_value(place, value):
+    thing = found(place)
+    if value:
+        assert thing == ast.literal_eval(value)
+
+
+@pytest.mark.parametrize(("file", "function"), NAMED_TESTS)
+def test_every_test_exists(file, function):
+    assert defined(file, function)
+
+
+def test_the_search_notices_what_does_not_exist():
+    assert defined("test_issues", "test_gaps_by_hand")
+    assert not defined("test_issues", "test_gaps_by")
+    assert not defined("sues", "test_gaps_by_hand")
+    with pytest.raises(AttributeError):
+        found("issues:no_such_name")
+    assert found("issues:Thresholds.late") == 200.0
+
+
+def test_the_page_is_read():
+    assert len(PLACES) > 100
+    assert len(NAMED_TESTS) > 100
+    assert len(rows()) > 80
+
+
+@pytest.mark.parametrize("cells", rows(), ids=lambda cells: cells[0][:40])
+def test_every_row_says_where_and_how(cells):
+    *_, where, held, how = cells
+    assert how in MEANINGS
+    assert re.search(r"`[a-z_.]+:[\w.]+", where)
+    assert held == "–" or re.fullmatch(r"(`[\w/]+::test_\w+` ?)+", held)
+
+
+@pytest.mark.parametrize("what", PRINTED)
+def test_all_that_the_paper_prints_is_on_the_page(what):
+    assert re.search(rf"{re.escape(what)}(?!\d)", PAGE)
+
+
+@pytest.mark.parametrize("plate", PLATES, ids=lambda plate: plate.name)
+def test_every_figure_of_the_report_is_on_the_page(plate):
+    named = [cells for cells in rows() if f"`{plate.name}`" in cells[1]]
+    assert len(named) == 1
+    assert named[0][0].startswith(f"{plate.paper}:" if plate.paper else "not in the paper")
+
+
+def test_the_questionnaire_shares_are_no_counts_out_of_24():
+    def gives(people: int, percent: float) -> bool:
+        return any(round(100 * k / people, 1) == percent for k in range(people + 1))
+
+    assert not gives(24, 35.7)
+    assert not gives(24, 21.4)
+    assert [n for n in range(1, 41) if gives(n, 35.7) and gives(n, 21.4)] == [14, 28]
+    assert (round(100 * 5 / 14, 1), round(100 * 3 / 14, 1)) == (35.7, 21.4)
+
+
+def score_of_rates(rates: np.ndarray) -> float:
+    """I of one issue where every category is equally common and has exactly this rate."""
+    rates = np.asarray(rates, float)
+    inside_n, inside_x = np.ones((len(rates), 1)), rates[:, None]
+    counts = issues.Counts(inside_n, inside_x, inside_n.sum() - inside_n, inside_x.sum() - inside_x)
+    return issues.issue_score(issues.gaps(counts)).item()
+
+
+@pytest.mark.parametrize(("k", "ceiling"), [(2, 1.0), (3, 2 / 3), (5, 0.6), (6, 0.6)])
+def test_the_ceiling_of_a_score(k, ceiling):
+    extremes = [score_of_rates(np.arange(k) < m) for m in range(1, k)]
+    assert extremes == pytest.approx([2 * m * (k - m) / (k * (k - 1)) for m in range(1, k)])
+    assert max(extremes) == pytest.approx(ceiling)
+    assert tables.ceiling(k) == pytest.approx(ceiling)
+    # d is convex in the rates, so no rates between 0 and 1 give more
+    between = np.random.default_rng(0).random((500, k))
+    assert max(score_of_rates(rates) for rates in between) <= ceiling
+
+
+@pytest.mark.parametrize("k", [2, 3, 5, 6])
+def test_a_score_is_at_most_twice_the_share_of_people_with_the_issue(k):
+    rng = np.random.default_rng(1)
+    for rates in rng.random((500, k)) ** rng.integers(1, 20, (500, 1)):
+        assert score_of_rates(rates) <= 2 * rates.mean() + 1e-12
+    only_one = np.where(np.arange(k) == 0, 0.3, 0.0)
+    assert score_of_rates(only_one) == pytest.approx(2 * only_one.mean())
+    assert 0.49 / 2 * 30 == pytest.approx(7.35)
+
+
+@pytest.fixture(scope="module")
+def walked() -> list[np.ndarray]:
+    """True distances of robots that only walk, at every decision after step 200, [20][n]."""
+    n = 400
+    setups = layout.draw(people.population("uniform"), n, np.random.default_rng(2))
+    world = World(n)
+    world.place(np.arange(n), world.prepare(setups))
+    world.walk(None, 200)
+    distances = []
+    while world.steps[0] < 300:
+        world.walk(None, 5)
+        distances.append(world.distance.copy())
+    return distances
+
+
+def test_a_late_response_is_never_at_a_proper_distance(walked):
+    assert max(distance.max() for distance in walked) < 1.0
+
+
+def test_who_is_ignored_is_come_too_close_to(walked):
+    assert walked[-1].max() < 0.5

@@ -1,0 +1,174 @@
+"""Tasks in other processes: what they give, how they fail, and that none is left behind."""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evenhand.errors import InputError
+from evenhand.experiments import pool
+from evenhand.experiments.pool import Task, run_all
+
+HERE = Path(__file__).parent
+
+
+_GROUP, _PARENT = 2, 1
+
+
+def running(field: int, number: int) -> list[str]:
+    """Commands of the processes of a group or of a parent.
+
+    The resource tracker of multiprocessing is not counted: it belongs to the interpreter, not to
+    a pool, and ends by itself when it sees that its parent has.
+    """
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rsplit(")", 1)[1].split()
+            command = (stat.parent / "cmdline").read_text().replace("\0", " ")
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(fields[field]) == number and fields[0] != "Z" and "resource_tracker" not in command:
+            found.append(command)
+    return found
+
+
+@pytest.fixture
+def work(monkeypatch) -> Iterator[Any]:
+    """The module of tasks, which other processes find by the same path; none may be left."""
+    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    yield importlib.import_module("pool_tasks")
+    assert running(_PARENT, os.getpid()) == []
+
+
+def told() -> tuple[list[tuple[int, dict[str, Any]]], pool.Tell]:
+    heard: list[tuple[int, dict[str, Any]]] = []
+    return heard, lambda units, numbers: heard.append((units, numbers))
+
+
+def silent(units: int, numbers: dict[str, Any]) -> None:
+    pass
+
+
+class TestResults:
+    def test_in_the_order_of_the_tasks_and_with_progress(self, work, tmp_path):
+        # the first waits for the last, so that it ends last and needs a second process
+        signs: list[dict[str, Any]] = [{} for _ in range(5)]
+        signs[0], signs[4] = {"after": tmp_path / "x"}, {"mark": tmp_path / "x"}
+        tasks = [Task("square", work.square, {"number": n, **signs[n]}) for n in range(5)]
+        heard, tell = told()
+        results = run_all(tasks, 2, tell)
+        assert [result["square"] for result in results] == [0, 1, 4, 9, 16]
+        processes = {result["process"] for result in results}
+        assert len(processes) == 2
+        assert os.getpid() not in processes
+        assert {result["threads"] for result in results} == {"1"}
+        assert sum(units for units, _ in heard) == 10
+        assert sorted(numbers["number"] for _, numbers in heard) == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+
+    def test_one_worker_is_this_process(self, work):
+        heard, tell = told()
+        tasks = [Task("a", work.square, {"number": n}) for n in (3, 2)]
+        results = run_all(tasks, 1, tell)
+        assert [result["square"] for result in results] == [9, 4]
+        assert {result["process"] for result in results} == {os.getpid()}
+        assert [numbers["number"] for _, numbers in heard] == [3, 3, 2, 2]
+
+    def test_one_task_needs_no_other_process(self, work):
+        results = run_all([Task("a", work.square, {"number": 3})], 4, silent)
+        assert results[0]["process"] == os.getpid()
+
+    def test_nothing_to_do(self):
+        assert run_all([], 2, silent) == []
+
+    def test_fewer_than_one_worker(self):
+        with pytest.raises(InputError, match="workers is 0: give at least 1"):
+            run_all([], 0, silent)
+
+
+class TestFailures:
+    def with_a_long_one(self, work, folder: Path, run, **arguments) -> list[Task]:
+        """A task that fails beside one that would take ten minutes."""
+        return [Task("long", work.linger, {"folder": folder}), Task("bad", run, arguments)]
+
+    def test_wrong_input_stays_wrong_input(self, work, tmp_path):
+        tasks = self.with_a_long_one(work, tmp_path, work.refuse, why="no such file: give one")
+        with pytest.raises(InputError, match=r"^no such file: give one$"):
+            run_all(tasks, 2, silent)
+
+    def test_a_defect_keeps_its_traceback_and_says_which_task(self, work, tmp_path):
+        tasks = self.with_a_long_one(work, tmp_path, work.break_down)
+        with pytest.raises(RuntimeError, match=r"bad failed:\n(.*\n)*.*ZeroDivisionError: a def"):
+            run_all(tasks, 2, silent)
+
+    def test_a_process_that_dies_ends_all(self, work, tmp_path):
+        tasks = self.with_a_long_one(work, tmp_path, work.crash, code=7)
+        with pytest.raises(RuntimeError, match=r"ended with code 7 .*: run the same command again"):
+            run_all(tasks, 2, silent)
+
+    def test_a_process_that_leaves_without_a_result(self, work):
+        tasks = [Task("leaves", work.leave, {}), Task("stays", work.square, {"number": 1})]
+        with pytest.raises(RuntimeError, match=r"no result came of leaves$"):
+            run_all(tasks, 2, silent)
+
+    def test_a_result_that_cannot_be_sent(self, work):
+        tasks = [Task("odd", work.unsendable, {}), Task("good", work.square, {"number": 1})]
+        with pytest.raises(RuntimeError, match=r"no result came of odd$"):
+            run_all(tasks, 2, silent)
+
+    def test_an_error_of_the_listener_ends_all(self, work, tmp_path):
+        tasks = [Task("long", work.linger, {"folder": tmp_path}) for _ in range(2)]
+
+        def tell(units: int, numbers: dict[str, Any]) -> None:
+            raise KeyError("shown nowhere")
+
+        with pytest.raises(KeyError, match="shown nowhere"):
+            run_all(tasks, 2, tell)
+
+
+MAIN = """
+import sys
+from pathlib import Path
+import pool_tasks
+from evenhand.experiments.pool import Task, run_all
+
+if __name__ == "__main__":
+    tasks = [Task("long", pool_tasks.linger, {"folder": Path(sys.argv[1])}) for _ in range(2)]
+    run_all(tasks, 2, lambda units, numbers: None)
+"""
+
+
+def test_ctrl_c_ends_every_process(tmp_path):
+    pids, script = tmp_path / "pids", tmp_path / "main.py"
+    pids.mkdir()
+    script.write_text(MAIN)
+    # a session of its own, whose processes all hear Ctrl-C, as in a terminal
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(pids)],
+        env={**os.environ, "PYTHONPATH": str(HERE)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        while len(os.listdir(pids)) < 2:
+            assert process.poll() is None
+            time.sleep(0.05)
+        assert len(running(_GROUP, process.pid)) == 3
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate()
+        assert process.returncode == -signal.SIGINT
+        assert said.count("Traceback") == 1  # of the parent alone
+        assert said.rstrip().endswith("KeyboardInterrupt")
+        assert running(_GROUP, process.pid) == []
+    finally:
+        if running(_GROUP, process.pid):
+            os.killpg(process.pid, signal.SIGKILL)

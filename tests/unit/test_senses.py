@@ -1,0 +1,104 @@
+"""Readings of the distance sensor: noise, failures, and how old a reading is."""
+
+import numpy as np
+import pytest
+
+from evenhand import people
+from evenhand.errors import InputError
+from evenhand.restaurant import layout, senses, task
+from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.senses import SenseSettings
+
+
+class TestDraws:
+    def test_noise_and_failures_have_the_sizes_that_were_set(self):
+        drawn = senses.draw(SenseSettings(0.05, 0.1), 2000, 61, np.random.default_rng(3))
+        assert drawn.noise.shape == drawn.fails.shape == (2000, 61)
+        n = drawn.noise.size
+        assert drawn.noise.std() == pytest.approx(0.05, rel=4 / np.sqrt(2 * n))
+        assert drawn.noise.mean() == pytest.approx(0.0, abs=4 * 0.05 / np.sqrt(n))
+        rate = drawn.fails[:, 1:].mean()
+        assert rate == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / drawn.fails[:, 1:].size))
+
+    def test_the_first_reading_never_fails(self):
+        drawn = senses.draw(SenseSettings(0.0, 0.99), 500, 5, np.random.default_rng(3))
+        assert not drawn.fails[:, 0].any()
+        assert drawn.fails[:, 1:].mean() > 0.9
+
+    def test_by_default_a_centimetre_and_two_in_a_hundred(self):
+        assert SenseSettings() == SenseSettings(noise=0.01, dropout=0.02)
+
+    def test_a_perfect_sensor(self):
+        drawn = senses.draw(SenseSettings(0.0, 0.0), 10, 5, np.random.default_rng(3))
+        assert not drawn.fails.any()
+        assert not drawn.noise.any()
+
+    @pytest.mark.parametrize("noise", [-0.01, 1.01, np.nan, np.inf])
+    def test_impossible_noise(self, noise):
+        with pytest.raises(InputError, match="noise is .*: give metres between 0 and 1"):
+            SenseSettings(noise=noise)
+
+    @pytest.mark.parametrize("dropout", [-0.01, 1.0, np.nan])
+    def test_impossible_dropout(self, dropout):
+        with pytest.raises(InputError, match="dropout is .*: give a probability below 1"):
+            SenseSettings(dropout=dropout)
+
+
+class TestReading:
+    def test_by_hand(self):
+        reading, age = senses.read(
+            sensor=np.array([2.0, 2.0, 0.05, 3.0]),
+            noise=np.array([0.1, 0.1, -0.2, 0.0]),
+            fails=np.array([False, True, False, True]),
+            last=np.array([2.5, 2.5, 0.1, 3.3]),
+            age=np.array([0.3, 0.0, 0.0, 0.2]),
+            elapsed=0.1,
+        )
+        # fresh; kept and older; not below nothing; kept and older still
+        np.testing.assert_allclose(reading, [2.1, 2.5, 0.0, 3.3])
+        np.testing.assert_allclose(age, [0.0, 0.1, 0.0, 0.3])
+
+
+class TestLanes:
+    """What the robot goes by in a service whose failures are known."""
+
+    def walked(self, fails: list[bool], noise: list[float], interval: int = 50):
+        """Readings, ages and true distances at each decision of one service."""
+        settings = task.TaskSettings(interval)
+        setups = layout.draw(people.population("uniform"), 1, np.random.default_rng(2))
+        lanes, one = Lanes(1, settings), np.zeros(1, np.int64)
+        chances = senses.Chances(np.array([noise]), np.array([fails]))
+        lanes.begin(one, lanes.prepare(setups, chances))
+        out = [(lanes.reading[0], lanes.age[0], lanes.world.distance[0])]
+        for _ in range(settings.decisions):
+            lanes.walk(one)
+            out.append((lanes.reading[0], lanes.age[0], lanes.world.distance[0]))
+        return np.array(out).T
+
+    def test_a_failed_reading_keeps_the_last_and_grows_old(self):
+        fails = [False, True, True, False, True, False, False]
+        reading, age, truth = self.walked(fails, [0.0] * 7)
+        assert age == pytest.approx([0.0, 1.0, 2.0, 0.0, 1.0, 0.0, 0.0])
+        assert reading[0] == reading[1] == reading[2] == pytest.approx(truth[0])
+        assert reading[4] == reading[3]
+        assert reading[3] != reading[2]
+        # the sensor is one physics step old: at most 2 cm at 1 m/s
+        fresh = [0, 3, 5, 6]
+        assert reading[fresh] == pytest.approx(truth[fresh], abs=0.0201)
+
+    def test_noise_is_added_to_each_reading(self):
+        noise = [0.3, -0.2, 0.1, 0.0, -0.1, 0.2, 0.05]
+        clean, _, _ = self.walked([False] * 7, [0.0] * 7)
+        noisy, _, truth = self.walked([False] * 7, noise)
+        assert noisy == pytest.approx(np.maximum(clean + noise, 0.0))
+        assert noisy[0] == pytest.approx(truth[0] + 0.3)
+
+    def test_the_fact_is_what_the_robot_took_for_the_distance(self):
+        settings = task.TaskSettings(10)
+        setups = layout.draw(people.population("uniform"), 3, np.random.default_rng(2))
+        lanes, ids = Lanes(3, settings), np.arange(3)
+        noise = np.tile([[0.1], [-0.2], [0.0]], (1, 31))
+        fails = np.zeros((3, 31), bool)
+        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails)))
+        lanes.respond(ids)
+        assert lanes.facts(ids).sensed_error == pytest.approx([0.1, -0.2, 0.0])
