@@ -7,6 +7,8 @@ import pytest
 from hypothesis import settings
 
 os.environ["JAX_PLATFORMS"] = "cpu"  # before anything imports jax
+# Several tests run at once, and threads that wait for each other cost more than they help.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The same examples on every run, and no verdict by the clock.
 settings.register_profile("evenhand", derandomize=True, deadline=None)

@@ -10,6 +10,7 @@ served before: the same model, places and drive commands, and nothing else.
 from __future__ import annotations
 
 import contextlib
+import copy
 import os
 from collections.abc import Callable, Iterator
 from time import perf_counter, process_time
@@ -23,7 +24,6 @@ from mujoco.batch import Batch
 from evenhand import detector_io, people
 from evenhand import show as display
 from evenhand.errors import InputError
-
 from evenhand.experiments.measure import WINDOW
 from evenhand.interactions import Interactions
 from evenhand.learn import train
@@ -104,19 +104,16 @@ def measure(seconds: float) -> dict[str, Any]:
 
 def _bare() -> Stepper:
     """One MjData stepped through recorded services."""
-    lean = scene.model()
     recorded = _record_drives()
-    models, data = [], mujoco.MjData(lean)
-    for state, sizes, commands in recorded:
-        model = lean.__copy__()
-        model.geom_size[:] = sizes
-        models.append((model, state, commands))
+    model = copy.copy(scene.model())
+    data = mujoco.MjData(model)
 
     def run(seconds: float) -> tuple[int, int]:
         end, steps, services = perf_counter() + seconds, 0, 0
         step = mujoco.mj_step
         while perf_counter() < end:
-            model, state, commands = models[services % len(models)]
+            state, sizes, commands = recorded[services % len(recorded)]
+            model.geom_size[:] = sizes
             mujoco.mj_setState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
             for command in commands:
                 data.ctrl[:] = command

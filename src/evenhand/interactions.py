@@ -6,6 +6,7 @@ lacks are absent; cells that a row lacks are null. Issues are never stored, they
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -288,8 +289,12 @@ def _write(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
         write(aside)
         os.replace(aside, path)
     except OSError as error:
-        aside.unlink(missing_ok=True)
-        raise InputError(f"{path} cannot be written: {error}") from error
+        reason = os.strerror(error.errno) if error.errno else error
+        raise InputError(f"{path} cannot be written: {reason}") from error
+    finally:
+        # also after Ctrl-C; after a success there is nothing left to remove
+        with contextlib.suppress(OSError):
+            aside.unlink()
 
 
 def _column(name: str, values: Any) -> pa.Array:

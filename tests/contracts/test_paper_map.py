@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from evenhand import issues, people
-from evenhand.experiments import tables
+from evenhand.experiments import calibrate, claims, measure, reproduce, tables
+from evenhand.interactions import Interactions
+from evenhand.learn import train
+from evenhand.report import figures_biased
 from evenhand.report.figures import PLATES
 from evenhand.restaurant import layout
 from evenhand.restaurant.world import World
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "PAPER.md").read_text()
-TESTS = {
-    path.relative_to(ROOT / "tests"): path.read_text()
-    for path in sorted((ROOT / "tests").rglob("test_*.py"))
-}
+TESTS = sorted((ROOT / "tests").rglob("test_*.py"))
 
 PLACES = sorted(set(re.findall(r"`([a-z_.]+:[\w.]*\w)(?: = ([^`]+))?`", PAGE)))
-NAMED_TESTS = sorted(set(re.findall(r"`([\w/]+)::(test_\w+)`", PAGE)))
+NAMED_TESTS = sorted(set(re.findall(r"`([\w/]+)::((?:Test\w+::)?test_\w+)`", PAGE)))
 MEANINGS = ("faithful", "repaired", "chosen")
 
 PRINTED = [
@@ -47,11 +47,22 @@ def found(place: str) -> object:
     return reduce(getattr, names.split("."), importlib.import_module(f"evenhand.{module}"))
 
 
+def names_in(path: Path) -> set[str]:
+    """Names of the tests of a file; those of a class with and without its name."""
+    found = set()
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.FunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.ClassDef):
+            within = [part.name for part in node.body if isinstance(part, ast.FunctionDef)]
+            found |= {*within, *(f"{node.name}::{name}" for name in within)}
+    return found
+
+
 def defined(file: str, function: str) -> bool:
     """Whether a test file of this name, in whatever folder, holds this test."""
     wanted = Path(f"{file}.py").parts
-    texts = [text for path, text in TESTS.items() if path.parts[-len(wanted) :] == wanted]
-    return any(re.search(rf"^\s*def {function}\(", text, re.MULTILINE) for text in texts)
+    return any(function in names_in(path) for path in TESTS if path.parts[-len(wanted) :] == wanted)
 
 
 def rows() -> list[tuple[str, ...]]:
@@ -82,6 +93,8 @@ def test_every_test_exists(file, function):
 
 def test_the_search_notices_what_does_not_exist():
     assert defined("test_issues", "test_gaps_by_hand")
+    assert defined("test_issues", "TestScores::test_gaps_by_hand")
+    assert not defined("test_issues", "TestIndicators::test_gaps_by_hand")
     assert not defined("test_issues", "test_gaps_by")
     assert not defined("sues", "test_gaps_by_hand")
     with pytest.raises(AttributeError):
@@ -100,7 +113,7 @@ def test_every_row_says_where_and_how(cells):
     *_, where, held, how = cells
     assert how in MEANINGS
     assert re.search(r"`[a-z_.]+:[\w.]+", where)
-    assert held == "–" or re.fullmatch(r"(`[\w/]+::test_\w+` ?)+", held)
+    assert held == "–" or re.fullmatch(r"(`[\w/]+::[\w:]+` ?)+", held)
 
 
 @pytest.mark.parametrize("what", PRINTED)
@@ -113,6 +126,43 @@ def test_every_figure_of_the_report_is_on_the_page(plate):
     named = [cells for cells in rows() if f"`{plate.name}`" in cells[1]]
     assert len(named) == 1
     assert named[0][0].startswith(f"{plate.paper}:" if plate.paper else "not in the paper")
+
+
+def test_the_numbers_to_compare_with_are_those_printed():
+    assert calibrate.SIGNATURES == {
+        "racist": (0.49, 0.25, 0.38, 0.43),
+        "ageist": (0.42, 0.68, 0.54, 0.49),
+        "ableist": (0.05, 0.66, 0.0, 0.0),
+    }
+    assert tables.PAPER_SHARES == {(1, "race"): 0.357, (4, "disability"): 0.214}
+    assert tables.PAPER_BEHAVIOUR == {
+        ("ableist", "mean_response_distance"): 1.89,
+        ("ageist", "mean_response_time"): 124.93,
+        ("racist", "ignore_rate"): 4.36,
+    }
+    assert figures_biased.PAPER_BIASED == {"ppo": 54, "ppo+guidance": 39}
+    assert figures_biased.PAPER_EPOCHS * train.TrainSettings.people == 9000
+    assert round(100 * claims.FEWER_EPOCHS, 1) == 27.8
+    assert claims.FEWER_EPOCHS == (54 - 39) / 54
+
+
+@pytest.mark.parametrize("preset", train.PRESETS)
+@pytest.mark.parametrize(("arm", "choice"), list(reproduce.ARMS.items()))
+def test_an_arm_is_an_algorithm_with_or_without_eq_5(arm, choice, preset):
+    algorithm, guided = choice
+    assert arm == (f"{algorithm}+guidance" if guided else algorithm)
+    settings = train.preset(preset, algorithm, guided)
+    assert settings.preset == preset
+    assert settings.update.algorithm == algorithm
+    assert settings.guidance.kind == ("penalty" if guided else "score")
+    assert settings.guidance.tau == (1.0, 1.0, 1.0, 1.0)
+    assert settings.update.gamma == {"paper": 0.99, "service": 1.0}[preset]
+
+
+def test_there_are_four_arms():
+    assert set(reproduce.ARMS.values()) == {
+        (algorithm, guided) for algorithm in ("reinforce", "ppo") for guided in (False, True)
+    }
 
 
 def test_the_questionnaire_shares_are_no_counts_out_of_24():
@@ -151,7 +201,27 @@ def test_a_score_is_at_most_twice_the_share_of_people_with_the_issue(k):
         assert score_of_rates(rates) <= 2 * rates.mean() + 1e-12
     only_one = np.where(np.arange(k) == 0, 0.3, 0.0)
     assert score_of_rates(only_one) == pytest.approx(2 * only_one.mean())
-    assert 0.49 / 2 * 30 == pytest.approx(7.35)
+    assert pytest.approx(7.35) == 30 * 0.49 / 2
+
+
+def test_windows_are_scored_one_by_one():
+    rng = np.random.default_rng(3)
+    n = 75  # two windows of 30; what is left over makes no window
+    answered = rng.random(n) < 0.7
+    table = Interactions.build(
+        {"side": (rng.integers(2, size=n), ("left", "right"))},
+        {
+            "responded": answered,
+            "response_step": np.ma.array(rng.integers(100, 300, n), mask=~answered),
+            "response_distance": np.ma.array(rng.uniform(0.5, 2.0, n), mask=~answered),
+            "min_distance": rng.uniform(0.3, 1.0, n),
+        },
+    )
+    scores = measure.window_scores(table)
+    assert scores.overall.shape == (2, 4)
+    for window in range(2):
+        alone = issues.score(table.take(np.arange(30 * window, 30 * (window + 1))))
+        np.testing.assert_allclose(scores.overall[window], alone.overall, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")

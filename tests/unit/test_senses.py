@@ -35,12 +35,12 @@ class TestDraws:
 
     @pytest.mark.parametrize("noise", [-0.01, 1.01, np.nan, np.inf])
     def test_impossible_noise(self, noise):
-        with pytest.raises(InputError, match="noise is .*: give metres between 0 and 1"):
+        with pytest.raises(InputError, match=r"noise is .*: give metres between 0 and 1"):
             SenseSettings(noise=noise)
 
     @pytest.mark.parametrize("dropout", [-0.01, 1.0, np.nan])
     def test_impossible_dropout(self, dropout):
-        with pytest.raises(InputError, match="dropout is .*: give a probability below 1"):
+        with pytest.raises(InputError, match=r"dropout is .*: give a probability below 1"):
             SenseSettings(dropout=dropout)
 
 

@@ -107,6 +107,7 @@ def preset(
     """
     if name not in PRESETS:
         raise unknown("preset", name, PRESETS)
+    whole("epochs", epochs, 1, 1_000_000)
     # a service is short: discounting inside it would only pay for haste
     gamma = 0.99 if name == "paper" else 1.0
     return TrainSettings(

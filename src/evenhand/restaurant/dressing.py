@@ -132,7 +132,9 @@ def aim(
         eye, target = np.array([0.0, -20.4, 21.6]), np.array([0.0, -0.1, 0.35])
     elif camera == "robot":
         # the shoulder is chosen once, so that the camera does not jump while the robot drives
-        turn = _clear(start, person, 1.65, (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 95.0, -95.0), others)
+        turn = _clear(
+            start, person, 1.65, (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 95.0, -95.0), others
+        )
         eye, target = _look(_behind(robot, person, 1.65, turn), robot, person)
     else:
         turn = _clear(person, start, 2.0, (35.0, -35.0, 60.0, -60.0, 85.0, -85.0), others)

@@ -67,6 +67,7 @@ class Screen:
         quality = self._model.vis.quality
         quality.numslices, quality.numstacks, quality.numquads = 2 * facets, facets, 1
         quality.offsamples = 4 if smooth else 0
+        quality.shadowsize = 0  # no shadows, no 64 MB for them
         self._data = mujoco.MjData(self._model)
         self._figures = Figures(self._model, scene.PERSON)
         self._options = mujoco.MjvOption()
