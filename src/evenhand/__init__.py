@@ -21,9 +21,9 @@ _PUBLIC = {
     "score": "evenhand.issues",
     "train": "evenhand.learn.train",
 }
-"""Public name -> where it lives; imported when first asked for, so that `import evenhand` is light."""
+"""Public name -> where it lives; imported when first asked for: `import evenhand` is light."""
 
-__all__ = ["__version__", *_PUBLIC]  # noqa: PLE0604 - the names are resolved by __getattr__
+__all__ = ["__version__", *_PUBLIC]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

@@ -137,7 +137,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     lanes.begin(ids, lanes.prepare(setups, chances))
     kept = []
     for lane in ids:
-        model, data = lanes.world.snapshot(lane)
+        model, data = lanes.world.snapshot(int(lane))
         state = np.empty(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION)))
         mujoco.mj_getState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
         kept.append((state, model.geom_size.copy(), []))

@@ -83,9 +83,11 @@ def read_record(path: str | os.PathLike[str], *fields: str) -> dict[str, Any]:
         InputError: as ``read_json``, or when it is no object or lacks a field.
     """
     content = read_json(path)
-    if not isinstance(content, dict) or any(field not in content for field in fields):
+    if not isinstance(content, dict):
+        raise InputError(f"{path} is no record of fields and values: delete it or restore it")
+    if any(field not in content for field in fields):
         raise InputError(
-            f"{path} is damaged: it needs the fields {', '.join(fields)}; delete it or restore it"
+            f"{path} is damaged, it needs the fields {', '.join(fields)}: delete it or restore it"
         )
     return content
 
@@ -157,13 +159,11 @@ def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
     """
     path = folder / note
     if path.exists():
-        noted = read_json(path)
-        if noted != content:
-            known = noted if isinstance(noted, dict) else {}
-            differs = sorted(n for n in {*known, *content} if known.get(n) != content.get(n))
+        differs = differences(read_record(path), content)
+        if differs:
             raise InputError(
-                f"{folder} holds another experiment ({', '.join(differs)} differ): give another "
-                "folder, or delete this one"
+                f"{folder} holds another experiment ({differs}): give another folder, or delete "
+                "this one"
             )
         return
     if any(folder.glob("[!.]*")):

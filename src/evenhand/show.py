@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
 from typing import Any
@@ -20,6 +21,9 @@ from rich.table import Table
 from rich.text import Text
 
 from evenhand.experiments.pool import Tell
+
+_WIDE = 200
+"""Columns of a table where no terminal sets the limit."""
 
 
 class _Pace(ProgressColumn):
@@ -77,19 +81,21 @@ def stages() -> Iterator[Stages]:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table; numbers are set to the right."""
-    shown = Table(title=title, title_justify="left", title_style="bold")
+    """Print a table, numbers to the right; in a file or a pipe it is as wide as it needs."""
+    shown = Table()
     for index, name in enumerate(columns):
         numeric = bool(rows) and isinstance(rows[0][index], (int, float))
-        shown.add_column(name, justify="right" if numeric else "left")
+        shown.add_column(name, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
         shown.add_row(*[_text(cell) for cell in row])
-    Console(soft_wrap=True).print(shown)
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDE)
+    console.print(Text(title, style="bold"), soft_wrap=True)
+    console.print(shown)
 
 
 def _text(cell: Any) -> str:
     if cell is None:
-        return "not defined"
+        return "missing"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     return f"{cell:.3f}" if isinstance(cell, float) else str(cell)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from evenhand.errors import InputError
+from evenhand.errors import InputError, WorkerLostError
 from evenhand.experiments import pool
 from evenhand.experiments.pool import Task, run_all
 
@@ -35,7 +35,8 @@ def running(field: int, number: int) -> list[str]:
             command = (stat.parent / "cmdline").read_text().replace("\0", " ")
         except (FileNotFoundError, ProcessLookupError):
             continue
-        if int(fields[field]) == number and fields[0] != "Z" and "resource_tracker" not in command:
+        ends = not command  # its memory is gone already
+        if int(fields[field]) == number and not ends and "resource_tracker" not in command:
             found.append(command)
     return found
 
@@ -111,7 +112,9 @@ class TestFailures:
 
     def test_a_process_that_dies_ends_all(self, work, tmp_path):
         tasks = self.with_a_long_one(work, tmp_path, work.crash, code=7)
-        with pytest.raises(RuntimeError, match=r"ended with code 7 .*: run the same command again"):
+        with pytest.raises(
+            WorkerLostError, match=r"ended with code 7 .*: run the same command again"
+        ):
             run_all(tasks, 2, silent)
 
     def test_a_process_that_leaves_without_a_result(self, work):
@@ -146,11 +149,11 @@ if __name__ == "__main__":
 """
 
 
-def test_ctrl_c_ends_every_process(tmp_path):
-    pids, script = tmp_path / "pids", tmp_path / "main.py"
+def started(folder: Path) -> subprocess.Popen[str]:
+    """A program whose two workers are at work, in a session of its own as in a terminal."""
+    pids, script = folder / "pids", folder / "main.py"
     pids.mkdir()
     script.write_text(MAIN)
-    # a session of its own, whose processes all hear Ctrl-C, as in a terminal
     process = subprocess.Popen(
         [sys.executable, str(script), str(pids)],
         env={**os.environ, "PYTHONPATH": str(HERE)},
@@ -158,17 +161,34 @@ def test_ctrl_c_ends_every_process(tmp_path):
         text=True,
         start_new_session=True,
     )
+    while len(os.listdir(pids)) < 2:
+        assert process.poll() is None
+        time.sleep(0.05)
+    assert len(running(_GROUP, process.pid)) == 3
+    return process
+
+
+def test_ctrl_c_ends_every_process(tmp_path):
+    process = started(tmp_path)
     try:
-        while len(os.listdir(pids)) < 2:
-            assert process.poll() is None
-            time.sleep(0.05)
-        assert len(running(_GROUP, process.pid)) == 3
-        os.killpg(process.pid, signal.SIGINT)
+        os.killpg(process.pid, signal.SIGINT)  # which all of a terminal's processes hear
         _, said = process.communicate()
         assert process.returncode == -signal.SIGINT
         assert said.count("Traceback") == 1  # of the parent alone
         assert said.rstrip().endswith("KeyboardInterrupt")
         assert running(_GROUP, process.pid) == []
+    finally:
+        if running(_GROUP, process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def test_workers_end_when_their_parent_is_killed(tmp_path):
+    process = started(tmp_path)
+    try:
+        process.kill()
+        process.communicate()  # returns when the last process has closed its end
+        while running(_GROUP, process.pid):
+            time.sleep(0.05)
     finally:
         if running(_GROUP, process.pid):
             os.killpg(process.pid, signal.SIGKILL)

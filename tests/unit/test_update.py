@@ -341,8 +341,9 @@ def test_the_usual_step_size_depends_on_the_algorithm():
 @pytest.mark.parametrize("algorithm", ["reinforce", "ppo"])
 def test_the_annealed_step_size_falls_evenly_to_nothing(algorithm):
     """Adam's first step has the length of its step size: of 2 annealed updates the second gets
-    half of it, and the third none."""
-    sizes = dict(passes=1, minibatches=1, adam_eps=1e-12, entropy_coefficient=0.0)
+    half of it, and the third none.
+    """
+    sizes = {"passes": 1, "minibatches": 1, "adam_eps": 1e-12, "entropy_coefficient": 0.0}
     plain = UpdateSettings(algorithm=algorithm, learning_rate=0.01, **sizes)
     annealed = UpdateSettings(algorithm=algorithm, learning_rate=0.01, anneal_updates=2, **sizes)
     batch, advantage, target = services(), grid(1), grid(2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -62,7 +62,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
     Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self, render_mode: str | None = None, camera: str = "room", **settings: Any

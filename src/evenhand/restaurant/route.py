@@ -9,8 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evenhand.restaurant import plan
+
+Points = NDArray[np.complex128]
 
 POINTS = 3
 """Points of a way after its start: at most one corner, the front of a seat, the person."""
@@ -35,14 +38,14 @@ class Ways:
         clear: whether the way keeps out of all discs and inside the room, bool [n].
     """
 
-    points: np.ndarray
+    points: Points
     last: np.ndarray
-    front: np.ndarray
+    front: Points
     length: np.ndarray
     clear: np.ndarray
 
 
-def in_front(position: np.ndarray, person: np.ndarray, seat: np.ndarray) -> np.ndarray:
+def in_front(position: Points, person: Points, seat: Points) -> np.ndarray:
     """Whether a person is approached from the front of the seat; always true without a table.
 
     Args:
@@ -55,12 +58,12 @@ def in_front(position: np.ndarray, person: np.ndarray, seat: np.ndarray) -> np.n
 
 
 def find(
-    start: np.ndarray,
-    person: np.ndarray,
-    seat: np.ndarray,
-    access: np.ndarray,
+    start: Points,
+    person: Points,
+    seat: Points,
+    access: Points,
     host: np.ndarray,
-    centre: np.ndarray,
+    centre: Points,
     around: np.ndarray,
 ) -> Ways:
     """Plan n ways.
@@ -101,7 +104,7 @@ def find(
     return Ways(points, last, np.where(direct, 0.0, seat), legs.sum(axis=1), clear)
 
 
-def _hits(a: np.ndarray, b: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
+def _hits(a: Points, b: Points, centre: Points, radius: np.ndarray) -> np.ndarray:
     """Which discs the straight line from a to b enters, bool [n, m]."""
     way = b - a
     length = np.abs(way)
@@ -112,8 +115,8 @@ def _hits(a: np.ndarray, b: np.ndarray, centre: np.ndarray, radius: np.ndarray) 
 
 
 def _corner(
-    a: np.ndarray, b: np.ndarray, centre: np.ndarray, radius: np.ndarray, hits: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    a: Points, b: Points, centre: Points, radius: np.ndarray, hits: np.ndarray
+) -> tuple[Points, np.ndarray]:
     """Where the tangents from a and b to the first disc between them meet.
 
     Returns:
@@ -133,13 +136,13 @@ def _corner(
     )
 
 
-def _outside(points: np.ndarray) -> np.ndarray:
+def _outside(points: Points) -> np.ndarray:
     room = plan.ROOM - plan.ROBOT_RADIUS - plan.CLEARANCE
     return (np.abs(points.real) > room[0]) | (np.abs(points.imag) > room[1])
 
 
 def _meet(
-    a: np.ndarray, b: np.ndarray, c: np.ndarray, r: np.ndarray, side: np.ndarray
+    a: Points, b: Points, c: Points, r: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Meeting point of two tangents on one side of a disc, and the angle between them."""
     from_a, from_b = a - c, b - c

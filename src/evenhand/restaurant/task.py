@@ -8,10 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evenhand import people
 from evenhand.errors import InputError
 from evenhand.restaurant import plan
+
+Points = NDArray[np.complex128]
+"""Points or directions in the plane, x + iy."""
 
 WALK, RESPOND = 0, 1
 ACTIONS = ("walk", "respond")
@@ -55,9 +59,7 @@ class TaskSettings:
         return plan.MAX_STEPS // self.interval
 
 
-def steer(
-    robot: np.ndarray, heading: np.ndarray, target: np.ndarray, gap: np.ndarray
-) -> np.ndarray:
+def steer(robot: Points, heading: np.ndarray, target: Points, gap: np.ndarray) -> np.ndarray:
     """Velocities that drive to a point, slowing down as the gap to the person closes.
 
     Args:

@@ -80,7 +80,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             for lane in ids:
                 if seeds[lane] is not None:
                     self._rngs[lane] = seeding.np_random(seeds[lane])[0]
-                    self._source.forget(lane)
+                    self._source.forget(int(lane))
         info = self._begin(ids)
         return self._lanes.observe(slice(None)), info
 

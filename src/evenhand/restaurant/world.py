@@ -167,7 +167,8 @@ class World:
         seen = self._batch.rollout(steps, record=("qpos", "ncon"), ids=ids)
         track = np.empty((len(seen["qpos"]), steps + 1), complex)
         track[:, 0] = robot[pick]
-        track.real[:, 1:], track.imag[:, 1:] = seen["qpos"][:, :, 0], seen["qpos"][:, :, 1]
+        track[:, 1:] = seen["qpos"][:, :, 0]
+        track[:, 1:] += 1j * seen["qpos"][:, :, 1]
         distance = np.abs(track[:, 1:] - self._person[pick, None])
         gathered = self._gathered[pick]
         gathered[:, 0] = distance[:, -1]
