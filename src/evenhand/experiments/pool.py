@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import queue
 import signal
 import threading
@@ -88,7 +89,7 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
             if kind == "progress":
                 tell(*content)
             elif kind == "result":
-                results[index] = content
+                results[index] = pickle.loads(content)
             elif kind == "input":
                 raise InputError(content)
             else:
@@ -134,7 +135,8 @@ def _work(todo: Any, done: Any) -> None:
             done.put(("progress", index, (units, numbers)))
 
         try:
-            done.put(("result", index, task.run(tell=tell, **task.arguments)))
+            # here, for what cannot be sent would vanish in the queue without a word
+            done.put(("result", index, pickle.dumps(task.run(tell=tell, **task.arguments))))
         except InputError as error:
             done.put(("input", index, str(error)))
         except Exception:

@@ -62,7 +62,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
     Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(
         self, render_mode: str | None = None, camera: str = "room", **settings: Any

@@ -144,7 +144,7 @@ def _places(n: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
     access = np.where(host >= 0, person - out + seat * _ACCESS, person)
     distance = rng.uniform(*plan.START_DISTANCE, (n, _TRIES))
     angle = rng.uniform(-np.pi, np.pi, (n, _TRIES))
-    start = np.ravel(person[:, None] + distance * np.exp(1j * angle)).astype(complex)
+    start: route.Points = np.ravel(person[:, None] + distance * np.exp(1j * angle)).astype(complex)
     centre, radius = obstacles(position, table)
 
     def each(values: np.ndarray) -> np.ndarray:
