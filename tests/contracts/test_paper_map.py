@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from evenhand import issues, people
-from evenhand.experiments import calibrate, claims, measure, reproduce, tables
-from evenhand.interactions import Interactions
+from evenhand.experiments import calibrate, claims, reproduce, tables
 from evenhand.learn import train
 from evenhand.report import figures_biased
 from evenhand.report.figures import PLATES
@@ -202,26 +201,6 @@ def test_a_score_is_at_most_twice_the_share_of_people_with_the_issue(k):
     only_one = np.where(np.arange(k) == 0, 0.3, 0.0)
     assert score_of_rates(only_one) == pytest.approx(2 * only_one.mean())
     assert pytest.approx(7.35) == 30 * 0.49 / 2
-
-
-def test_windows_are_scored_one_by_one():
-    rng = np.random.default_rng(3)
-    n = 75  # two windows of 30; what is left over makes no window
-    answered = rng.random(n) < 0.7
-    table = Interactions.build(
-        {"side": (rng.integers(2, size=n), ("left", "right"))},
-        {
-            "responded": answered,
-            "response_step": np.ma.array(rng.integers(100, 300, n), mask=~answered),
-            "response_distance": np.ma.array(rng.uniform(0.5, 2.0, n), mask=~answered),
-            "min_distance": rng.uniform(0.3, 1.0, n),
-        },
-    )
-    scores = measure.window_scores(table)
-    assert scores.overall.shape == (2, 4)
-    for window in range(2):
-        alone = issues.score(table.take(np.arange(30 * window, 30 * (window + 1))))
-        np.testing.assert_allclose(scores.overall[window], alone.overall, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")

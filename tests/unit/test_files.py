@@ -96,7 +96,7 @@ class TestRecords:
     @pytest.mark.parametrize("content", [[1, 2], "xy", None, 1])
     def test_of_another_kind(self, tmp_path, content):
         files.write_json(tmp_path / "a.json", content)
-        with pytest.raises(InputError, match=r"a\.json is damaged: it needs fields"):
+        with pytest.raises(InputError, match=r"a\.json is (no record|damaged)"):
             files.read_record(tmp_path / "a.json")
 
     def test_what_differs(self):
