@@ -32,6 +32,7 @@ DETECT = {
     "judge": ("detect.DetectJudge", "judge a table of services, or four issue scores"),
 }
 _HELP = ("-h", "--help", "help")
+_STOPPED = "stopped; what was finished is kept, the same command goes on from there"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -45,9 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 when all went well, 1 when a worker process was lost or the output cannot be
         written, 2 for wrong input, 130 after Ctrl-C.
     """
+    interrupted: list[int] = []
     if arguments is None:
-        # a batch system ends us so: leave as after an error, so that our processes end as well
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+        _listen(interrupted)
     one_thread()
     try:
         code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
@@ -58,9 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except WorkerLostError as error:
         return _complain(str(error), 1)
     except KeyboardInterrupt:
-        return _complain(
-            "stopped; what was finished is kept, the same command goes on from there", 130
-        )
+        return _complain(_STOPPED, 130)
     except BrokenPipeError:  # the reader of our output has gone, for instance `head`
         _drop_output()
         return 0
@@ -70,6 +69,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _drop_output()
         where = error.filename or "the output"
         return _complain(f"{where} cannot be written: {error.strerror}: free some space", 1)
+    except Exception:
+        if not interrupted:
+            raise
+        return _complain(_STOPPED, 130)  # a library may make another error of Ctrl-C
+
+
+def _listen(interrupted: list[int]) -> None:
+    """Note Ctrl-C before it is raised, and leave in order when a batch system ends us."""
+
+    def note(number: int, _: Any) -> None:
+        interrupted.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is to be ignored
+        signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
 
 
 def _complain(sentence: str, code: int) -> int:

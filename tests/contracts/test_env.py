@@ -425,7 +425,11 @@ class TestFacts:
                 "perfect",
                 *(f"reward_{name}" for name in ("response", "distance", "promptness", "safety")),
             }
-            assert {type(value) for value in facts.values()} <= {bool, int, float}
+            for name, value in facts.items():
+                yes_or_no, whole = ("responded", "perfect"), ("steps", "contact_steps")
+                assert type(value) is (
+                    bool if name in yes_or_no else int if name in whole else float
+                ), name
 
     def test_they_are_true(self, services):
         for facts, seen in services:

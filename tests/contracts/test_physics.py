@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from scipy import stats
 
 from evenhand import people
 from evenhand.restaurant import layout, plan, scene
@@ -328,6 +329,12 @@ class TestSetups:
         seated = (setups.table[:, 0] >= 0).mean()
         assert 0.3 < seated < 0.8
         assert set(setups.table[:, 0].tolist()) == {-1, *range(8)}
+
+    def test_guests_take_places_in_no_order(self, setups):
+        # the guests who do not ask are all alike: none is seated more often than another
+        seated = (setups.table[:, 1:] >= 0).sum(axis=0)
+        table = np.stack([seated, self.N - seated])
+        assert np.asarray(stats.chi2_contingency(table)[1]) > 1e-3
 
     def test_seats_are_at_their_tables(self, setups):
         seated = setups.table >= 0

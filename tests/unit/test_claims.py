@@ -100,7 +100,7 @@ SEEDS, EPOCHS = (0, 1, 2), 60
 
 def learned(preset: str, **changed: Any) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Rows of epochs and of the test in which guidance does exactly what the paper says."""
-    is_ = {"total": 0.7, "biased": 39, "early": 0.2, "late": 0.6, **changed}
+    is_ = {"total": 0.7, "biased": 39, "early": 0.2, "late": 0.6, "swing": 0.1, **changed}
     epochs, test = [], []
     for arm in ("reinforce", "reinforce+guidance", "ppo", "ppo+guidance"):
         guided = arm.endswith("guidance")
@@ -125,6 +125,11 @@ def learned(preset: str, **changed: Any) -> tuple[list[dict[str, Any]], list[dic
                         "seed": seed,
                         "epoch": epoch,
                         "biased_detector": epoch < biased,
+                        # up and down by so much in the second half, wildly before
+                        "total": (is_["swing"] if guided else 0.2)
+                        * (1 + 0.1 * seed)
+                        * (-1) ** epoch
+                        * (9.0 if epoch < EPOCHS // 2 else 1.0),
                         # 10 epochs in between, which count for neither end
                         "perfect_rate": 9.0 if 10 <= epoch < 20 else quality + 0.01 * seed,
                     }
@@ -239,6 +244,15 @@ class TestLearning:
         assert one["ours"] == pytest.approx(-0.1)
         assert one["status"] == NO
         assert "it levels down" in one["evidence"]
+
+    def test_the_score_is_confined_when_it_swings_less_in_the_second_half(self):
+        # swings 0.20, 0.22, 0.24 without and half of it with guidance: lowered by 0.1, 0.11, 0.12
+        # of 0.22, so by 0.5; the half width is 4.303 * 0.01 / sqrt(3) / 0.22 = 0.113
+        one = judged()["score_confined_ppo"]
+        assert one["ours"] == pytest.approx(0.5)
+        assert one["ci95"] == pytest.approx([0.387, 0.613], abs=1e-3)
+        assert one["status"] == YES
+        assert "0.220 without and 0.110 with guidance" in one["evidence"]
 
     def test_one_seed_cannot_tell(self):
         rows = [[row for row in part if row["seed"] == 1] for part in learned("paper")]

@@ -138,8 +138,9 @@ class TestStudy:
         assert again.detector == study.detector
 
 
-def test_what_cannot_be_said_is_no_evidence():
-    np.testing.assert_array_equal(demos.known(np.array([0.5, np.nan, 0.0])), [0.5, 0.0, 0.0])
+def test_a_window_with_a_score_that_cannot_be_said_is_incomplete():
+    scores = np.array([[0.5, 0.0, 0.0, 1.0], [0.5, np.nan, 0.0, 1.0], [np.nan] * 4])
+    np.testing.assert_array_equal(demos.complete(scores), [True, False, False])
 
 
 def test_means_of_rows_by_hand():

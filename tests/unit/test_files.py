@@ -26,6 +26,13 @@ class TestText:
         files.write_text(path, "new")
         assert path.read_text() == "new"
 
+    def test_who_reads_meanwhile_sees_the_old_one_whole(self, tmp_path):
+        path = tmp_path / "a.txt"
+        path.write_text("old and long")
+        with path.open() as reader:
+            files.write_text(path, "new")
+            assert reader.read() == "old and long"
+
     def test_nowhere(self, tmp_path):
         with pytest.raises(InputError, match=r"a\.txt cannot be written: No such file"):
             files.write_text(tmp_path / "no" / "a.txt", "x")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
+from evenhand.commands import inputs
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -22,8 +24,9 @@ class Bench:
 
     def run(self, command: str) -> int:
         """Measure and print."""
-        from evenhand import bench
-        from evenhand.learn.runtime import set_up_jax
+        with inputs.loading():
+            from evenhand import bench
+            from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
         found = bench.measure(self.seconds)

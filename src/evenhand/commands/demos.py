@@ -9,6 +9,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from evenhand import files, people
+from evenhand.commands import inputs
 from evenhand.errors import whole
 from evenhand.experiments.settings import CORES, DEMO_SEED, SEEDS, WINDOWS, WORKERS
 
@@ -48,9 +49,10 @@ class Demos:
         whole("seed", self.seed, *SEEDS)
         whole("workers", self.workers, *WORKERS)
         people.population(self.population)
-        from evenhand import show
-        from evenhand.experiments import demos, measure, tables
-        from evenhand.experiments.pool import run_all
+        with inputs.loading():
+            from evenhand import show
+            from evenhand.experiments import demos, measure, tables
+            from evenhand.experiments.pool import run_all
 
         out = files.make_folder(self.out)
         fixed = {"windows": self.windows, "seed": self.seed, "population": self.population}

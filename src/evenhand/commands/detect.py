@@ -54,24 +54,26 @@ class DetectFit:
         if self.out.is_dir():
             raise InputError(f"{self.out} is a folder: give the name of a file")
         files.make_folder(self.out.parent)
-        from evenhand import detector, detector_io, detector_report, show
-        from evenhand.experiments.demos import known
+        with inputs.loading():
+            from evenhand import detector, detector_io, detector_report, show
+            from evenhand.experiments.demos import complete
 
-        simulated = self.source == SIMULATED
-        found = detector_io.read_answers(self.answers, missing=simulated)
-        # as in the simulated study, which is the only one where nobody can be asked again
-        scores = known(found.issue_scores)
+        found = detector_io.read_answers(self.answers, missing=self.source == SIMULATED)
+        # as in the simulated study: a window with a score that Eq. 1 cannot say is left out
+        kept = complete(found.issue_scores)
+        scores, biased = found.issue_scores[kept], found.biased[kept]
+        kinds = [kind for kind, keep in zip(found.kinds, kept, strict=True) if keep]
+        asked = found.respondents
+        groups = None if asked is None else np.array(asked)[kept]
         try:
-            fitted = detector.fit(
-                scores, found.biased, found.kinds, source=self.source, seed=self.seed
-            )
+            fitted = detector.fit(scores, biased, kinds, source=self.source, seed=self.seed)
             evaluation = detector_report.evaluate(
                 scores,
-                found.biased,
-                found.kinds,
+                biased,
+                kinds,
                 source=self.source,
                 seed=self.seed,
-                groups=None if found.respondents is None else list(found.respondents),
+                groups=groups,
             )
         except InputError as error:
             raise InputError(f"answers file {self.answers}: {error}") from error
@@ -126,7 +128,8 @@ class DetectJudge:
         """Judge and print."""
         if (self.services is None) == (self.scores is None):
             raise InputError("name either a file of services or four numbers with --scores")
-        from evenhand import issues, show
+        with inputs.loading():
+            from evenhand import issues, show
 
         judge = inputs.load_detector(self.detector)
         if self.scores is not None:

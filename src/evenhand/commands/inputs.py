@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +16,16 @@ if TYPE_CHECKING:
     from evenhand.interactions import Interactions
 
 ENDINGS = (".parquet", ".csv")
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Hold Ctrl-C back while libraries load: half-loaded ones fail with errors of their own."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def load_detector(path: Path | None) -> Detector:

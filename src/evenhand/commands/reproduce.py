@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from evenhand.commands import inputs
 from evenhand.experiments.settings import ReproduceSettings
 
 
@@ -56,8 +57,9 @@ class Reproduce:
     def run(self, command: str) -> int:
         """Run it and print the path of the report."""
         settings = ReproduceSettings(**(asdict(self)))
-        from evenhand import show
-        from evenhand.experiments import reproduce
+        with inputs.loading():
+            from evenhand import show
+            from evenhand.experiments import reproduce
 
         with show.stages() as stage:
             page = reproduce.reproduce(settings, stage, command)

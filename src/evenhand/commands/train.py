@@ -76,9 +76,10 @@ class Train:
 
     def run(self, command: str) -> int:
         """Train and print where the run is."""
-        from evenhand import guidance, show
-        from evenhand.learn import run, train
-        from evenhand.learn.runtime import set_up_jax
+        with inputs.loading():
+            from evenhand import guidance, show
+            from evenhand.learn import run, train
+            from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
         base = train.preset(

@@ -117,7 +117,7 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
                 f"alone gives {floor:.3f} at these issue rates. Perfect services: "
                 f"{perfect[0]:.1f} % without, {perfect[1]:.1f} % with. "
                 + (
-                    "A factor on everybody's reward cancels when advantages are normalised. "
+                    "A factor on all rewards nearly cancels when advantages are normalised. "
                     if preset == "paper"
                     else ""
                 )
@@ -138,6 +138,23 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
             f"Detector: {counts[0].mean():.1f} biased epochs without and {counts[1].mean():.1f} "
             f"with guidance, of {_epochs(epochs)} each. "
             + undecided(estimate, low, high, FEWER_EPOCHS),
+        )
+    )
+    spread = [_spread(epochs, preset, arm) for arm in ("ppo", "ppo+guidance")]
+    estimate, low, high = reduction(*spread)
+    out.append(
+        claim(
+            f"score_confined_ppo{suffix}",
+            "Guidance confines PPO's total issue score to a smaller interval while it learns "
+            f"(reward: {reward})",
+            "less volatile",
+            number(estimate),
+            interval(low, high),
+            len(spread[0]),
+            above_zero(low, high),
+            "Standard deviation of the total over the second half of the epochs: "
+            f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance; this is the "
+            "share by which guidance lowers it.",
         )
     )
     first, last = _quality(epochs, preset, "ppo+guidance")
@@ -175,6 +192,18 @@ def _biased_epochs(epochs: list[Row], preset: str, arm: str) -> np.ndarray:
     return np.array(
         [sum(row["biased_detector"] for row in rows if row["seed"] == seed) for seed in seeds],
         float,
+    )
+
+
+def _spread(epochs: list[Row], preset: str, arm: str) -> np.ndarray:
+    """Standard deviation of the total score over the second half of the epochs of every seed."""
+    rows = [row for row in epochs if row["preset"] == preset and row["arm"] == arm]
+    half = _epochs(rows) // 2
+    return np.array(
+        [
+            np.std([row["total"] for row in rows if row["seed"] == seed and row["epoch"] >= half])
+            for seed in sorted({row["seed"] for row in rows})
+        ]
     )
 
 
@@ -279,7 +308,7 @@ def _study_claims(study: Study) -> list[Claim]:
                 contains(share.low, share.high, row["paper_share"]),
                 f"{row['count']} of {row['respondents']} simulated respondents, whose model was "
                 "fitted to this number: consistent, but no evidence about people. No count out of "
-                "24 gives the printed share; it is a count out of 14 or 28.",
+                "24 gives the printed share.",
             )
         )
     return out

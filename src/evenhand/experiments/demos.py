@@ -172,18 +172,19 @@ def study(demos: Demos, seed: int, model: respondents.RespondentModel | None = N
     people_asked = respondents.recruit(rng, model)
     who = rng.permutation(np.arange(windows) % people_asked.n)
     said = respondents.judge(people_asked, who, scores, shown, rng)
-    seen = known(scores[np.arange(windows), shown])
-    fitted = detector.fit(seen, said.biased, said.kinds, source=SIMULATED, seed=seed)
-    evaluation = detector_report.evaluate(
-        seen, said.biased, said.kinds, source=SIMULATED, seed=seed, groups=who
-    )
+    seen = scores[np.arange(windows), shown]
+    whole = complete(seen)
+    kinds = [kind for kind, kept in zip(said.kinds, whole, strict=True) if kept]
+    judged = (seen[whole], said.biased[whole], kinds)
+    fitted = detector.fit(*judged, source=SIMULATED, seed=seed)
+    evaluation = detector_report.evaluate(*judged, source=SIMULATED, seed=seed, groups=who[whole])
     answers = respondents.questionnaire(people_asked, rng)
     return Study(scores, shown, who, said, answers, fitted, evaluation)
 
 
-def known(scores: np.ndarray) -> np.ndarray:
-    """Scores for fitting: one that Eq. 1 cannot say shows no evidence of disparity, so it is 0."""
-    return np.nan_to_num(scores, nan=0.0)
+def complete(scores: np.ndarray) -> np.ndarray:
+    """Windows without a score that Eq. 1 cannot say, [W, 4] -> bool [W]; only these are fitted."""
+    return ~np.isnan(scores).any(axis=1)
 
 
 def behaviour(demos: Demos, kind: str) -> dict[str, np.ndarray]:

@@ -128,6 +128,7 @@ def _check_alive(processes: Sequence[Any]) -> None:
 
 def _work(todo: Any, done: Any) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn here: look for no display
     while (item := todo.get()) is not None:
         index, task = item
 

@@ -202,7 +202,8 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
     """t-SNE of the judged scores in three dimensions."""
     from sklearn.manifold import TSNE
 
-    seen = demonstrations.known(study.seen)
+    rows = np.flatnonzero(demonstrations.complete(study.seen))
+    seen = study.seen[rows]
     perplexity = min(30.0, (len(seen) - 1) / 3)
     placed = TSNE(
         3, perplexity=perplexity, random_state=seed, init="pca", max_iter=500
@@ -213,7 +214,7 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
             "window": str(w),
             "kind": own.get(KINDS[demos.robot[w]], "even"),
             "biased": bool(study.said.biased[w]),
-            **{axis: float(value) for axis, value in zip("xyz", placed[w], strict=True)},
+            **{axis: float(value) for axis, value in zip("xyz", place, strict=True)},
         }
-        for w in range(len(seen))
+        for w, place in zip(rows, placed, strict=True)
     ]

@@ -1,0 +1,258 @@
+"""The whole experiment, small: stopped and continued, enlarged, done again, and all it promises."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+PROGRAM = (sys.executable, "-c", "import sys; from evenhand.cli import main; sys.exit(main())")
+EPOCHS, WINDOWS, SERVICES = 40, 100, 300
+SMALL = ("--epochs", EPOCHS, "--windows", WINDOWS, "--services", SERVICES)
+FIRST = (*SMALL, "--preset", "paper", "--seeds", 1)
+ARMS = ("reinforce", "reinforce+guidance", "ppo", "ppo+guidance")
+
+CLAIMS = {
+    "detector_agreement", "detector_accuracy", "total_score_reduction_reinforce",
+    "total_score_reduction_ppo", "biased_epochs_reduction_ppo", "signature_racism",
+    "signature_ageism", "signature_ableism", "farthest_is_ableism", "slowest_is_ageism",
+    "most_ignored_is_racism", "study_race_willingness", "study_disability_scenario4",
+}  # fmt: skip
+"""Claims of the paper that have to be answered."""
+
+
+def start(out: Path, *words: object) -> subprocess.Popen[str]:
+    """Start it; its processes are a group of their own, as in a shell."""
+    return subprocess.Popen(
+        [*PROGRAM, *map(str, ("reproduce", "--out", out, *words))],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def reproduce(out: Path, *words: object) -> None:
+    """Run it to its end; it says nothing but where the report is."""
+    process = start(out, *words)
+    shown, complaint = process.communicate()
+    assert (process.returncode, complaint) == (0, "")
+    assert shown == f"{out / 'report.html'}\n"
+
+
+def left_behind(group: int) -> list[str]:
+    """Commands of a group's processes; multiprocessing's resource tracker ends by itself."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, belongs = stat.read_text().rsplit(")", 1)[1].split()[:3]
+            command = (stat.parent / "cmdline").read_text()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(belongs) == group and state != "Z" and "resource_tracker" not in command:
+            found.append(command)
+    return found
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def results(folder: Path) -> dict[str, bytes]:
+    """What came out: claims, results, tables, figures and runs, without clocks."""
+    clocks = ("stages.json", "manifest.json", "report.html", ".lock")
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in clocks
+    }
+
+
+def made(folder: Path) -> dict[str, int]:
+    """When each file of services, in demonstrations and runs, was written."""
+    return {
+        str(path.relative_to(folder)): path.stat().st_mtime_ns for path in folder.rglob("*.parquet")
+    }
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory) -> Path:
+    """One preset, one seed, one process, undisturbed."""
+    folder = tmp_path_factory.mktemp("calm") / "out"
+    reproduce(folder, *FIRST, "--workers", 1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory) -> Path:
+    """The same with two processes, stopped by Ctrl-C in training, and continued."""
+    folder = tmp_path_factory.mktemp("stopped") / "out"
+    process = start(folder, *FIRST, "--workers", 2)
+    while not list(folder.glob("runs/*/*/*/epochs.jsonl")):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    shown, complaint = process.communicate()
+    assert (process.returncode, shown) == (130, "")
+    assert complaint == (
+        "evenhand: stopped; what was finished is kept, the same command goes on from there\n"
+    )
+    assert left_behind(process.pid) == []
+    kept = made(folder)
+    assert len([name for name in kept if "demonstrations" in name]) == WINDOWS / 25
+    assert not (folder / "report.html").exists()
+    reproduce(folder, *FIRST, "--workers", 2)
+    assert kept.items() <= made(folder).items()  # nothing that was finished was done again
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(stopped) -> Path:
+    """The same folder with the other preset and another seed added."""
+    reproduce(stopped, *SMALL, "--seeds", 2, "--workers", 2)
+    return stopped
+
+
+# the order matters: `whole` goes on in the folder of `stopped`
+
+
+def test_processes_and_interruptions_change_nothing(calm, stopped):
+    assert results(stopped) == results(calm)
+
+
+def test_another_experiment_does_not_mix_in(stopped):
+    process = start(stopped, *FIRST, "--population", "us")
+    shown, complaint = process.communicate()
+    assert (process.returncode, shown) == (2, "")
+    assert complaint == (
+        f'evenhand: {stopped} holds another experiment (population "uniform" there and "us" '
+        "here): give another folder, or delete this one\n"
+    )
+
+
+def test_what_was_added_leaves_what_was_there(calm, whole):
+    before, after = (
+        {
+            (r["preset"], r["arm"], r["seed"], r["metric"]): r["value"]
+            for r in rows(f / "results.csv")
+        }
+        for f in (calm, whole)
+    )
+    assert before.items() <= after.items()
+    assert len(after) == 4 * len(before)
+
+
+def test_every_promised_file_is_there(whole):
+    assert (whole / "report.html").read_text().startswith("<!")
+    drawn = Counter(path.suffix for path in (whole / "figures").iterdir())
+    assert set(drawn) == {".svg", ".pdf", ".csv"}
+    assert min(drawn.values()) == max(drawn.values()) >= 8
+    assert sorted(path.name for path in whole.iterdir() if path.name != ".lock") == [
+        "claims.json", "data", "experiment.json", "figures", "manifest.json", "report.html",
+        "results.csv", "runs",
+    ]  # fmt: skip
+    assert not [path for path in whole.rglob("*") if path.suffix == ".part"]
+
+
+def test_every_claim_is_answered(whole):
+    claims = json.loads((whole / "claims.json").read_text())
+    assert {claim["id"] for claim in claims} >= CLAIMS
+    assert len({claim["id"] for claim in claims}) == len(claims)
+    for claim in claims:
+        assert set(claim) == {
+            "id", "claim", "paper", "ours", "ci95", "seeds", "status", "evidence",
+        }  # fmt: skip
+        assert claim["status"] in ("reproduced", "contradicted", "cannot be tested")
+        assert len(claim["claim"]) > 20
+        assert len(claim["evidence"]) > 20
+    page = (whole / "report.html").read_text()
+    assert all(f"{claim['status']}" in page for claim in claims)
+
+
+def test_results_are_tidy_and_complete(whole):
+    found = rows(whole / "results.csv")
+    assert list(found[0]) == ["preset", "arm", "seed", "metric", "value"]
+    cells = [(row["preset"], row["arm"], row["seed"], row["metric"]) for row in found]
+    assert len(set(cells)) == len(cells)
+    metrics = {cell[3] for cell in cells}
+    assert {"total", "willingness", "quality", "priority", "risk", "perfect_rate"} <= metrics
+    assert {"biased_epochs_detector", "biased_epochs_threshold"} <= metrics
+    assert set(cells) == {
+        (preset, arm, seed, metric)
+        for preset in ("paper", "service")
+        for arm in ARMS
+        for seed in "01"
+        for metric in metrics
+    }
+    for row in found:
+        assert re.fullmatch(r"|-?\d+(\.\d+)?(e-?\d+)?", row["value"]), row
+        if row["metric"].startswith("biased_epochs_"):
+            log = whole / "runs" / row["preset"] / row["arm"] / f"seed-0{row['seed']}"
+            lines = (log / "epochs.jsonl").read_text().splitlines()
+            name = row["metric"].replace("biased_epochs_", "biased_")
+            assert int(row["value"]) == sum(json.loads(line)[name] for line in lines)
+
+
+def test_every_run_keeps_every_service(whole):
+    runs = sorted(whole.glob("runs/*/*/*"))
+    assert len(runs) == 2 * len(ARMS) * 2
+    for folder in runs:
+        services = [pq.read_table(path) for path in sorted((folder / "services").iterdir())]
+        assert sum(map(len, services)) == EPOCHS * 30
+        numbers = [number for table in services for number in table["service"].to_pylist()]
+        assert numbers == list(range(EPOCHS * 30))
+        assert len((folder / "epochs.jsonl").read_text().splitlines()) == EPOCHS
+        noted = json.loads((folder / "settings.json").read_text())
+        assert noted["seed"] == noted["settings"]["seed"] == int(folder.name[-2:])
+        assert {"mujoco", "jax", "numpy", "evenhand"} <= set(noted["versions"])
+        done = json.loads((folder / "done.json").read_text())
+        assert done["test"]["services"] == SERVICES
+
+
+def test_the_manifest_says_how_it_was_made(whole):
+    manifest = json.loads((whole / "manifest.json").read_text())
+    assert manifest["command"].startswith(f"evenhand reproduce --out {whole} --epochs 40")
+    assert (manifest["seeds"], manifest["test_seeds"]) == ([0, 1], [1_000_000, 1_000_001])
+    # the clock goes on over all calls that it took
+    assert manifest["elapsed_s"] == pytest.approx(sum(manifest["stages"].values()))
+    assert manifest["stages"]["training and test"] > 0
+
+
+def test_a_finished_experiment_is_not_done_again(whole):
+    before, when = results(whole), made(whole)
+    reproduce(whole, *SMALL, "--seeds", 2, "--workers", 2)
+    assert results(whole) == before
+    assert made(whole) == when
+
+
+def test_a_detector_is_fitted_again_from_the_judgements(whole, tmp_path):
+    words = ("--answers", whole / "data" / "judgements.csv", "--source", "simulated respondents",
+             "--out", tmp_path / "again.json", "--seed", 2_000_000)  # fmt: skip
+    command = [*PROGRAM, "detect", "fit", *map(str, words)]
+    subprocess.run(command, check=True, capture_output=True)
+    assert (tmp_path / "again.json").read_bytes() == (whole / "data" / "detector.json").read_bytes()
+
+
+def test_a_damaged_run_is_named_and_nothing_is_lost(whole):
+    folder = whole / "runs" / "paper" / "ppo" / "seed-01"
+    log = folder / "epochs.jsonl"
+    right = log.read_bytes()
+    log.write_bytes(right[:-100])
+    process = start(whole, *SMALL, "--seeds", 2)
+    shown, complaint = process.communicate()
+    assert (process.returncode, shown) == (2, "")
+    assert complaint == (
+        f"evenhand: {log} line 40 is cut off or damaged: delete {folder} and run the same command "
+        "again\n"
+    )
+    log.write_bytes(right)
