@@ -87,6 +87,24 @@ class TestResults:
         results = run_all([Task("a", work.square, {"number": 3})], 4, silent)
         assert results[0]["process"] == os.getpid()
 
+    def test_what_was_finished_before_is_told_here_and_keeps_its_place(self, work, tmp_path):
+        # the second waits for the fourth, so that both need a process of their own
+        signs: list[dict[str, Any]] = [{}, {"after": tmp_path / "x"}, {}, {"mark": tmp_path / "x"}]
+        tasks = [
+            Task("square", work.square, {"number": n, **signs[n]}, finished=n % 2 == 0)
+            for n in range(4)
+        ]
+        results = run_all(tasks, 2, silent)
+        assert [result["square"] for result in results] == [0, 1, 4, 9]
+        here = [result["process"] == os.getpid() for result in results]
+        assert here == [True, False, True, False]
+
+    def test_one_unfinished_task_needs_no_other_process(self, work):
+        tasks = [Task("square", work.square, {"number": n}, finished=n != 1) for n in range(3)]
+        results = run_all(tasks, 2, silent)
+        assert [result["square"] for result in results] == [0, 1, 4]
+        assert {result["process"] for result in results} == {os.getpid()}
+
     def test_nothing_to_do(self):
         assert run_all([], 2, silent) == []
 

@@ -64,6 +64,7 @@ def tasks(windows: int, seed: int, population: str, folder: Path) -> list[Task]:
     out = []
     for first in range(0, windows, _CHUNK):
         last = min(first + _CHUNK, windows)
+        path = folder / f"{first:06d}-{last:06d}.parquet"
         out.append(
             Task(
                 f"demonstrations {first}-{last}",
@@ -74,8 +75,9 @@ def tasks(windows: int, seed: int, population: str, folder: Path) -> list[Task]:
                     "windows": windows,
                     "seed": seed,
                     "population": population,
-                    "path": folder / f"{first:06d}-{last:06d}.parquet",
+                    "path": path,
                 },
+                finished=path.exists(),
             )
         )
     return out
@@ -184,7 +186,7 @@ def study(demos: Demos, seed: int, model: respondents.RespondentModel | None = N
 
 def complete(scores: np.ndarray) -> np.ndarray:
     """Windows without a score that Eq. 1 cannot say, [W, 4] -> bool [W]; only these are fitted."""
-    return ~np.isnan(scores).any(axis=1)
+    return np.isnan(scores).sum(axis=1) == 0
 
 
 def behaviour(demos: Demos, kind: str) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ import queue
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,11 +40,14 @@ class Task:
         name: shown when it fails.
         run: a module-level function, called with ``tell`` and the arguments.
         arguments: what it is called with; must be picklable.
+        finished: an earlier call has done it, so that it only has to be told: no other process
+            is needed.
     """
 
     name: str
     run: Callable[..., Any]
     arguments: dict[str, Any]
+    finished: bool = False
 
 
 def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
@@ -62,8 +65,21 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
     """
     if workers < 1:
         raise InputError(f"workers is {workers}: give at least 1")
-    if workers == 1 or len(tasks) <= 1:
-        return [task.run(tell=tell, **task.arguments) for task in tasks]
+    here = len([task for task in tasks if not task.finished]) <= 1 or workers == 1
+    results: dict[int, Any] = {
+        index: task.run(tell=tell, **task.arguments)
+        for index, task in enumerate(tasks)
+        if here or task.finished
+    }
+    if not here:
+        _run_apart({i: t for i, t in enumerate(tasks) if not t.finished}, workers, tell, results)
+    return [results[index] for index in range(len(tasks))]
+
+
+def _run_apart(
+    tasks: Mapping[int, Task], workers: int, tell: Tell, results: dict[int, Any]
+) -> None:
+    """Run numbered tasks in other processes and put their results into ``results``."""
     one_thread()
     context = multiprocessing.get_context("spawn")
     todo, done = context.Queue(), context.Queue()
@@ -71,19 +87,18 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
         context.Process(target=_work, args=(todo, done), daemon=True)
         for _ in range(min(workers, len(tasks)))
     ]
-    for item in [*enumerate(tasks), *[None] * len(processes)]:
+    for item in [*tasks.items(), *[None] * len(processes)]:
         todo.put(item)
-    results: dict[int, Any] = {}
     try:
         _start(processes)
-        while len(results) < len(tasks):
+        while tasks.keys() - results.keys():
             working = any(process.is_alive() for process in processes)
             try:
                 kind, index, content = done.get(timeout=1.0)
             except queue.Empty:
                 _check_alive(processes)
                 if not working:  # all have ended, and nothing of theirs is on its way
-                    lost = [task.name for i, task in enumerate(tasks) if i not in results]
+                    lost = [task.name for i, task in tasks.items() if i not in results]
                     raise RuntimeError(f"no result came of {', '.join(lost)}") from None
                 continue
             if kind == "progress":
@@ -104,7 +119,6 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
         for line in (todo, done):
             line.cancel_join_thread()
             line.close()
-    return [results[index] for index in range(len(tasks))]
 
 
 def _start(processes: Sequence[Any]) -> None:

@@ -112,19 +112,23 @@ def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[st
         for arm in reversed(ARMS):
             for seed in range(settings.seeds):
                 head = {"preset": preset, "arm": arm, "seed": seed}
+                folder = out / "runs" / preset / arm / f"seed-{seed:02d}"
+                key = f"{settings.epochs} epochs, {settings.services} services"
                 heads.append(head)
                 tasks.append(
                     Task(
                         f"{preset}, {arm}, seed {seed}",
                         train_and_test,
                         {
-                            "folder": out / "runs" / preset / arm / f"seed-{seed:02d}",
+                            "folder": folder,
+                            "key": key,
                             "detector": out / "data" / "detector.json",
                             "epochs": settings.epochs,
                             "population": settings.population,
                             "services": settings.services,
                             **head,
                         },
+                        finished=run.finished(folder, key) is not None,
                     )
                 )
     units = len(tasks) * (settings.epochs * measure.WINDOW + settings.services)
@@ -138,6 +142,7 @@ def train_and_test(
     *,
     tell: Tell,
     folder: Path,
+    key: str,
     detector: Path,
     preset: str,
     arm: str,
@@ -147,31 +152,28 @@ def train_and_test(
     services: int,
 ) -> dict[str, Any]:
     """One run in its folder: train, or go on training; then serve people it never saw."""
+    done = run.finished(folder, key)
+    if done is not None:
+        tell(epochs * measure.WINDOW + services, {"physics_steps": 0})
+        return {"test": done["test"], "folder": str(folder)}
     set_up_jax()
     algorithm, guided = ARMS[arm]
     settings = train.preset(
         preset, algorithm, guided, seed=seed, epochs=epochs, population=population
     )
-    judge = detector_io.load(detector)
-    key = f"{epochs} epochs, {services} services, seed {TEST_SEED + seed}"
-    state = None
-    if run.finished(folder, key) is None:
-        state = run.execute(
-            folder,
-            settings,
-            judge,
-            progress=lambda numbers: tell(
-                numbers["services"], {"physics_steps": numbers["physics_steps"]}
-            ),
-        )
-        table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
-        run.finish(folder, key, {"test": measure.summary(table, TEST_SEED + seed)})
-        tell(services, {"physics_steps": int(table.fact("steps").sum())})
-    else:
-        tell(epochs * settings.people + services, {"physics_steps": 0})
-    done = run.finished(folder, key)
-    assert done is not None
-    return {"test": done["test"], "folder": str(folder)}
+    state = run.execute(
+        folder,
+        settings,
+        detector_io.load(detector),
+        progress=lambda numbers: tell(
+            numbers["services"], {"physics_steps": numbers["physics_steps"]}
+        ),
+    )
+    table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
+    test = measure.summary(table, TEST_SEED + seed)
+    run.finish(folder, key, {"test": test})
+    tell(services, {"physics_steps": int(table.fact("steps").sum())})
+    return {"test": test, "folder": str(folder)}
 
 
 def _write_tables(
