@@ -229,7 +229,7 @@ class TestScene:
         assert names(LEAN, "body") == ["world", "robot", *(f"guest{i}" for i in range(12))]
         assert names(LEAN, "joint") == ["robot_x", "robot_y", "robot_yaw"]
         assert names(LEAN, "actuator") == ["drive_x", "drive_y", "drive_yaw"]
-        assert names(LEAN, "sensor") == ["person_position"]
+        assert names(LEAN, "sensor") == ["person_position", "timer"]
         assert names(LEAN, "site") == ["robot_sensor"]
         # 4 walls, 8 tables, 16 chairs, the robot, 12 guests
         assert LEAN.ngeom == 4 + 8 + 16 + 1 + 12

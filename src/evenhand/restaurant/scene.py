@@ -20,6 +20,8 @@ PERSON = 0
 """Index of the guest who asks for service."""
 SENSOR_PERSON = slice(0, 3)
 """Sensor data: position of the person in the robot's sensor frame, metres."""
+SENSOR_TIMER = 3
+"""Sensor data: time since the service began, seconds."""
 DRIVE_GAIN = 800.0
 """Newton per metre per second of speed error."""
 
@@ -160,3 +162,4 @@ def _sensors(spec: mujoco.MjSpec) -> None:
         reftype=mujoco.mjtObj.mjOBJ_SITE,
         refname="robot_sensor",
     )
+    spec.add_sensor(name="timer", type=mujoco.mjtSensor.mjSENS_CLOCK)

@@ -63,7 +63,6 @@ class World:
         self._component = {name: self._columns(name) for name in _PLACED}
         self._qpos = self._batch.bind("qpos")
         self._ctrl = self._batch.bind("ctrl")
-        self._time = self._batch.bind("time")
         self._sensor = self._batch.bind("sensordata")
         sizes = self._batch.expand("geom_size")
         names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
@@ -111,8 +110,13 @@ class World:
         return np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
 
     def timer(self, ids: np.ndarray | slice) -> np.ndarray:
-        """What the clock of these simulations shows, physics steps, [k]."""
-        return np.rint(self._time[ids] / plan.TIMESTEP)
+        """Physics steps since the service began, by the timer of these simulations, [k].
+
+        Like every sensor it shows the moment before the last step, which is added; before the
+        first step it has not been read.
+        """
+        shown = np.rint(self._sensor[ids, scene.SENSOR_TIMER] / plan.TIMESTEP) + 1.0
+        return np.where(self.steps[ids] > 0, shown, 0.0)
 
     def prepare(self, setups: layout.Setups) -> Rows:
         """What begins these services, ready to be copied into any simulation."""
