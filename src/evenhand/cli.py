@@ -82,8 +82,17 @@ def _listen(interrupted: list[int]) -> None:
         interrupted.append(number)
         raise KeyboardInterrupt
 
+    def raise_again(lost: Any) -> None:
+        if lost.exc_type is KeyboardInterrupt:
+            signal.setitimer(signal.ITIMER_REAL, 0.01)
+        else:
+            sys.__unraisablehook__(lost)
+
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is to be ignored
         signal.signal(signal.SIGINT, note)
+        # what is raised while memory is collected comes to nothing; the alarm comes a bit later
+        signal.signal(signal.SIGALRM, note)
+        sys.unraisablehook = raise_again
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
 
 

@@ -9,9 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from math import nan
 from pathlib import Path
@@ -19,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evenhand import files
 from evenhand.detector import Detector
 from evenhand.errors import InputError, nearest, unknown
 from evenhand.judgements import DISCRIMINATIONS, ISSUES
@@ -59,21 +58,9 @@ def save(detector: Detector, path: str | Path) -> None:
     Raises:
         InputError: when the file cannot be written.
     """
-    path = Path(path)
     content = {"format": FORMAT, "version": VERSION} | asdict(detector)
     lines = (f"  {json.dumps(field)}: {json.dumps(value)}" for field, value in content.items())
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(aside, "w", encoding="utf-8") as file:
-            file.write("{\n" + ",\n".join(lines) + "\n}\n")
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-    except OSError as error:
-        raise InputError(f"cannot write detector file {path}: {error.strerror}") from error
-    finally:
-        with suppress(OSError):
-            aside.unlink()
+    files.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def load(path: str | Path) -> Detector:

@@ -24,9 +24,9 @@ class Bench:
 
     def run(self, command: str) -> int:
         """Measure and print."""
-        with inputs.loading():
-            from evenhand import bench
-            from evenhand.learn.runtime import set_up_jax
+        inputs.load_physics()
+        from evenhand import bench
+        from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
         found = bench.measure(self.seconds)

@@ -49,10 +49,10 @@ class Demos:
         whole("seed", self.seed, *SEEDS)
         whole("workers", self.workers, *WORKERS)
         people.population(self.population)
-        with inputs.loading():
-            from evenhand import show
-            from evenhand.experiments import demos, measure, tables
-            from evenhand.experiments.pool import run_all
+        inputs.load_physics()
+        from evenhand import show
+        from evenhand.experiments import demos, measure, tables
+        from evenhand.experiments.pool import run_all
 
         out = files.make_folder(self.out)
         fixed = {"windows": self.windows, "seed": self.seed, "population": self.population}

@@ -54,9 +54,9 @@ class DetectFit:
         if self.out.is_dir():
             raise InputError(f"{self.out} is a folder: give the name of a file")
         files.make_folder(self.out.parent)
-        with inputs.loading():
-            from evenhand import detector, detector_io, detector_report, show
-            from evenhand.experiments.demos import complete
+        inputs.load_physics()
+        from evenhand import detector, detector_io, detector_report, show
+        from evenhand.experiments.demos import complete
 
         found = detector_io.read_answers(self.answers, missing=self.source == SIMULATED)
         # as in the simulated study: a window with a score that Eq. 1 cannot say is left out
@@ -128,8 +128,7 @@ class DetectJudge:
         """Judge and print."""
         if (self.services is None) == (self.scores is None):
             raise InputError("name either a file of services or four numbers with --scores")
-        with inputs.loading():
-            from evenhand import issues, show
+        from evenhand import issues, show
 
         judge = inputs.load_detector(self.detector)
         if self.scores is not None:

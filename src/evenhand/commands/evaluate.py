@@ -73,9 +73,9 @@ class Evaluate:
         whole("seed", self.seed, *SEEDS)
         if self.out is not None:
             inputs.check_target(self.out)
-        with inputs.loading():
-            from evenhand import show
-            from evenhand.experiments import measure
+        inputs.load_physics()
+        from evenhand import show
+        from evenhand.experiments import measure
 
         who, table = self._serve()
         if self.out is not None:

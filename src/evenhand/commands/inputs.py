@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,12 +17,11 @@ if TYPE_CHECKING:
 ENDINGS = (".parquet", ".csv")
 
 
-@contextmanager
-def loading() -> Iterator[None]:
-    """Hold Ctrl-C back while libraries load: half-loaded ones fail with errors of their own."""
+def load_physics() -> None:
+    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        yield
+        importlib.import_module("mujoco")
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -57,9 +57,9 @@ class Reproduce:
     def run(self, command: str) -> int:
         """Run it and print the path of the report."""
         settings = ReproduceSettings(**(asdict(self)))
-        with inputs.loading():
-            from evenhand import show
-            from evenhand.experiments import reproduce
+        inputs.load_physics()
+        from evenhand import show
+        from evenhand.experiments import reproduce
 
         with show.stages() as stage:
             page = reproduce.reproduce(settings, stage, command)

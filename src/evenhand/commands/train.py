@@ -76,10 +76,10 @@ class Train:
 
     def run(self, command: str) -> int:
         """Train and print where the run is."""
-        with inputs.loading():
-            from evenhand import guidance, show
-            from evenhand.learn import run, train
-            from evenhand.learn.runtime import set_up_jax
+        inputs.load_physics()
+        from evenhand import guidance, show
+        from evenhand.learn import run, train
+        from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
         base = train.preset(
