@@ -15,9 +15,8 @@ from rich.progress import (
     ProgressColumn,
     Task,
     TextColumn,
-    TimeElapsedColumn,
 )
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from evenhand.experiments.pool import Tell
@@ -27,20 +26,23 @@ _WIDE = 200
 
 
 class _Pace(ProgressColumn):
-    """Services and physics steps a second, and the time left, of what this process serves.
+    """Time left, and physics steps and services a second, of what this process serves.
 
     What an earlier process had finished is part of the bar, but not of the pace.
     """
 
+    def __init__(self) -> None:
+        super().__init__(Column(no_wrap=True, overflow="ellipsis"))
+
     def render(self, task: Task) -> Text:
-        seconds, served = task.elapsed or 0.0, task.fields["served"]
+        seconds = task.finished_time if task.finished else task.elapsed
+        served = task.fields["served"]
+        time = f"{timedelta(seconds=round(seconds or 0.0))} in all" if task.finished else ""
         if not seconds or not served:
-            return Text("")
-        pace = served / seconds
-        shown = f"{pace:,.0f} services/s  {task.fields['steps'] / seconds:,.0f} steps/s"
-        if task.remaining:
-            shown += f"  {timedelta(seconds=round(task.remaining / pace))} left"
-        return Text(shown, style="dim")
+            return Text(time, style="dim")
+        steps, services = task.fields["steps"] / seconds, served / seconds
+        time = time or f"{timedelta(seconds=round((task.remaining or 0.0) / services))} left"
+        return Text(f"{time}  {steps:,.0f} steps/s  {services:,.0f} services/s", style="dim")
 
 
 class Stages:
@@ -70,9 +72,8 @@ def stages() -> Iterator[Stages]:
     console = Console(stderr=True)
     with Progress(
         TextColumn("{task.description}"),
-        BarColumn(bar_width=30),
+        BarColumn(bar_width=12),
         TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
         _Pace(),
         console=console,
         disable=not console.is_terminal,

@@ -34,7 +34,11 @@ class Ended:
 class Apart:
     """The command line in processes of their own."""
 
-    program = (sys.executable, "-c", "import sys; from evenhand.cli import main; sys.exit(main())")
+    program: tuple[str, ...] = (
+        sys.executable,
+        "-c",
+        "import sys; from evenhand.cli import main; sys.exit(main())",
+    )
 
     def __call__(self, *words: object, **options: Any) -> Ended:
         """Run a command to its end."""
@@ -44,6 +48,12 @@ class Apart:
             | options,
         )
         return Ended(done.returncode, done.stdout or "", done.stderr or "")
+
+    def with_small_files(self, largest: int, *words: object) -> Ended:
+        """Run a command that can write files of so many bytes at most, as on a full disk."""
+        limited = Apart()
+        limited.program = ("prlimit", f"--fsize={largest}", *self.program)
+        return limited(*words)
 
     def start(self, *words: object, **options: Any) -> subprocess.Popen[str]:
         """Start a command; its processes are a group of their own, as in a shell."""

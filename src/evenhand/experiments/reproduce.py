@@ -95,7 +95,7 @@ def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
 
 def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.Demos:
     folder = out / "data" / "demonstrations"
-    tell = stage("demonstrations by scripted robots", settings.windows * measure.WINDOW)
+    tell = stage("demonstrations", settings.windows * measure.WINDOW)
     run_all(
         demos.tasks(settings.windows, DEMO_SEED, settings.population, folder),
         settings.workers,
