@@ -303,7 +303,8 @@ def _column(name: str, values: Any) -> pa.Array:
     # a copy, so that the table does not change with the caller's array
     values = np.array(values) if isinstance(values, np.ndarray) else values
     try:
-        return pa.array(values, mask=mask, from_pandas=True).cast(FACTS[name])
+        column = pa.array(values, mask=mask, from_pandas=True)
+        return column if column.type == FACTS[name] else column.cast(FACTS[name])
     except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
         raise InputError(f"fact {name!r}: {error}") from error
 

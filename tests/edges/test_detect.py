@@ -1,6 +1,7 @@
 """`evenhand detect`: files that cannot be right, and the way from demonstrations to a detector."""
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -226,3 +227,15 @@ def test_demonstrations_are_judged_and_a_detector_is_fitted_to_them(cli, tmp_pat
     assert {"racism", "ageism"} <= set(fitted.kinds)
     # people of the published shares: in some windows nobody uses a wheelchair, so no score is known
     assert ",,,,0.0\n" in (tmp_path / "demos" / "judgements.csv").read_text()
+
+
+def test_workers_end_when_their_parent_is_killed(apart, alive, tmp_path):
+    process = apart.start("demos", "--out", tmp_path, "--windows", 10_000, "--workers", 2)
+    while len(alive(process.pid)) < 3:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    # without a parent they would go on for minutes; communicate() ends when they all have
+    process.communicate(timeout=60)
+    assert alive(process.pid) == []
