@@ -149,6 +149,7 @@ class TestStoppedAnywhere:
         with (half / "epochs.jsonl").open("a") as log:
             log.write('{"epoch": 4, "total": 0.1')
         (half / "services" / "000004-000005.parquet").write_bytes(b"PAR1 half")
+        (half / "services" / "000004-000006.parquet").write_bytes(b"PAR1 of other steps")
         (half / "services" / "000004-000005.parquet.part").write_bytes(b"PAR1")
         (half / ".checkpoint.npz.123.part").write_bytes(b"PK")
         told: list[dict] = []
