@@ -58,7 +58,9 @@ def left_behind(group: int) -> list[str]:
             command = (stat.parent / "cmdline").read_text()
         except (FileNotFoundError, ProcessLookupError):
             continue
-        if int(belongs) == group and state != "Z" and "resource_tracker" not in command:
+        # a process without a command line has given back its memory and is about to be gone
+        ended = state == "Z" or not command
+        if int(belongs) == group and not ended and "resource_tracker" not in command:
             found.append(command)
     return found
 
