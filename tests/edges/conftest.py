@@ -116,7 +116,9 @@ def alive() -> Callable[[int], list[str]]:
                 command = (stat.parent / "cmdline").read_text().replace("\0", " ")
             except (FileNotFoundError, ProcessLookupError):
                 continue
-            if int(belongs) == group and state != "Z" and "resource_tracker" not in command:
+            # without a command line it has given back its memory and is about to be gone
+            ended = state == "Z" or not command
+            if int(belongs) == group and not ended and "resource_tracker" not in command:
                 found.append(command)
         return found
 
