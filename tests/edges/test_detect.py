@@ -195,7 +195,7 @@ def test_scores_are_judged(cli):
         (row,) = json.loads(ended.out)
         assert row["biased"] is biased
         assert (row["probability"] > 0.5) is biased
-    assert row["looks like"] == "racism"
+        assert row["looks like"] == ("racism" if biased else None)
 
 
 # --- from demonstrations to a detector ---

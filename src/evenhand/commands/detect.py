@@ -145,7 +145,8 @@ class DetectJudge:
         if self.json:
             print(json.dumps([dict(zip(columns, row, strict=True)) for row in rows]))
         else:
-            show.table(f"Judged by a detector fitted to {judge.source}", columns, rows)
+            shown = [[*row[:-1], row[-1] or ("none" if row[-2] is False else None)] for row in rows]
+            show.table(f"Judged by a detector fitted to {judge.source}", columns, shown)
         return 0
 
 
@@ -154,6 +155,7 @@ def _judged(name: str, vector: np.ndarray, judge: Detector) -> list[Any]:
     scores = [None if np.isnan(x) else float(x) for x in vector]
     if np.isnan(vector).all():
         return [name, *scores, None, None, None]
-    looks = judge.looks_like(vector)
-    like = judge.kinds[int(looks.argmax())] if len(looks) else None
-    return [name, *scores, float(judge.probability(vector)), bool(judge.judge(vector)), like]
+    biased, looks = bool(judge.judge(vector)), judge.looks_like(vector)
+    # what it looks like is said of biased vectors only
+    like = judge.kinds[int(looks.argmax())] if biased and len(looks) else None
+    return [name, *scores, float(judge.probability(vector)), biased, like]
