@@ -134,7 +134,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     ids = np.arange(_SERVICES)
     setups = layout.draw(people.population("uniform"), _SERVICES, rng)
     chances = senses.draw(senses.SenseSettings(), _SERVICES, settings.decisions + 1, rng)
-    lanes.begin(ids, lanes.prepare(setups, chances))
+    lanes.begin(ids, lanes.prepare(setups, chances), ids)
     kept = []
     for lane in ids:
         model, data = lanes.world.snapshot(int(lane))
@@ -143,7 +143,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
         kept.append((state, model.geom_size.copy(), []))
     active = ids
     while len(active):
-        active = active[lanes.reading[active] > 1.25]
+        active = active[lanes.perceived["reading"][active] > 1.25]
         if not len(active):
             break
         ended = lanes.walk(active)

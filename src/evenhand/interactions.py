@@ -58,25 +58,23 @@ class Interactions:
         Raises:
             InputError: for a missing, unknown, repeated, or wrongly typed column.
         """
-        for name in table.column_names:
-            if table.column_names.count(name) > 1:
-                raise InputError(f"column {name!r} stands there twice: rename or drop one")
+        schema = table.schema
+        types = dict(zip(schema.names, schema.types, strict=True))
+        if len(types) < len(schema):
+            twice = next(name for name in types if schema.names.count(name) > 1)
+            raise InputError(f"column {twice!r} stands there twice: rename or drop one")
         for name in identities:
             if name in FACTS:
                 raise InputError(f"identity {name!r} has the name of a fact: rename the column")
-            if name not in table.column_names:
+            if name not in types:
                 raise InputError(f"no column {name!r}: the identities named are {list(identities)}")
-            if not pa.types.is_dictionary(table.schema.field(name).type):
+            if not pa.types.is_dictionary(types.pop(name)):
                 raise InputError(f"identity column {name!r} is not categorical")
-        for field in table.schema:
-            if field.name in identities:
-                continue
-            if field.name not in FACTS:
-                raise unknown("fact", field.name, FACTS)
-            if field.type != FACTS[field.name]:
-                raise InputError(
-                    f"column {field.name!r} holds {field.type}, expected {FACTS[field.name]}"
-                )
+        for name, kind in types.items():
+            if name not in FACTS:
+                raise unknown("fact", name, FACTS)
+            if kind != FACTS[name]:
+                raise InputError(f"column {name!r} holds {kind}, expected {FACTS[name]}")
         self._table = table
         self._identities = tuple(identities)
 
@@ -301,7 +299,12 @@ def _column(name: str, values: Any) -> pa.Array:
     """A fact of any array or sequence; what is masked, None or NaN is null."""
     mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
     # a copy, so that the table does not change with the caller's array
-    values = np.array(values) if isinstance(values, np.ndarray) else values
+    if isinstance(values, np.ndarray):
+        values = np.array(values)
+        if values.dtype.kind == "i" and FACTS[name] == pa.int32():
+            short = values.astype(np.int32)
+            # Arrow is slow to narrow numbers, but says which does not fit
+            values = short if (short == values).all() else values
     try:
         column = pa.array(values, mask=mask, from_pandas=True)
         return column if column.type == FACTS[name] else column.cast(FACTS[name])

@@ -209,12 +209,12 @@ def walked() -> list[np.ndarray]:
     n = 400
     setups = layout.draw(people.population("uniform"), n, np.random.default_rng(2))
     world = World(n)
-    world.place(np.arange(n), world.prepare(setups))
+    world.place(np.arange(n), world.prepare(setups), np.arange(n))
     world.walk(None, 200)
     distances = []
-    while world.steps[0] < 300:
+    while world.truth["steps"][0] < 300:
         world.walk(None, 5)
-        distances.append(world.distance.copy())
+        distances.append(world.truth["distance"].copy())
     return distances
 
 

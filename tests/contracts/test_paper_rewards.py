@@ -54,7 +54,8 @@ def test_preset_paper_pays_for_evenness_alone_and_looks_on_over_people(monkeypat
     policy = train.begin(chosen).policy
     # one more person than is served is drawn first of all
     following = layout.draw(people.population("uniform"), PEOPLE + 1, train.stream(chosen))[-1:]
-    seen = task.observe(following.one_hot, following.start_distance, np.zeros(1), np.zeros(1))
+    none = np.zeros(1, np.int64)
+    seen = task.observe(none, following.one_hot, following.start_distance, none, np.zeros(1))
     value_next = float(np.asarray(state_values(policy, seen))[0])
     reward = evenness(record, chosen)
     expected = [
@@ -79,13 +80,13 @@ def test_preset_service_adds_evenness_to_the_quality_of_service(weight, monkeypa
     record, (trajectories, _, target) = one_epoch(chosen, monkeypatch)
     table = record.interactions
     answered = table.fact("responded") == 1.0
-    terms = task.reward_terms(
+    terms, _ = task.quality(
         answered,
         table.fact("steps"),
         np.nan_to_num(table.fact("response_distance")),  # nothing is paid without a response
         table.fact("min_distance"),
     )
-    quality = np.sum(list(terms.values()), axis=0)
+    quality = terms.sum(axis=1)
     earned = quality + weight * evenness(record, chosen) / 4.0  # Eq. 4 is at most 4
     happened = np.asarray(trajectories.mask) > 0
     wanted = np.broadcast_to(earned[:, None], happened.shape)

@@ -81,9 +81,7 @@ class TestPlainLoop:
         rows = world.prepare(setups)
 
         def place(ids: list[int], services: list[int]) -> None:
-            world.place(
-                np.array(ids), type(rows)(**{k: v[services] for k, v in vars(rows).items()})
-            )
+            world.place(np.array(ids), rows, np.array(services))
             for sim, service in zip(ids, services, strict=True):
                 plain[sim] = Plain(setups, service)
 
@@ -95,16 +93,16 @@ class TestPlainLoop:
                     one.step(world.command[sim], steps)
                     for name, values in fields.items():
                         np.testing.assert_array_equal(values[sim], getattr(one.data, name), name)
-                    assert world.steps[sim] == one.steps
-                    assert world.distance[sim] == pytest.approx(one.far(), abs=1e-12)
-                    assert world.min_distance[sim] == pytest.approx(one.least, abs=1e-12)
-                    assert world.path_length[sim] == pytest.approx(one.path, abs=1e-12)
-                    assert world.contact_steps[sim] == one.touched
+                    assert world.truth["steps"][sim] == one.steps
+                    assert world.truth["distance"][sim] == pytest.approx(one.far(), abs=1e-12)
+                    assert world.truth["min_distance"][sim] == pytest.approx(one.least, abs=1e-12)
+                    assert world.truth["path_length"][sim] == pytest.approx(one.path, abs=1e-12)
+                    assert world.truth["contact_steps"][sim] == one.touched
 
         plain: dict[int, Plain] = {}
         place([0, 1, 2, 3], [0, 1, 2, 3])
         drive(None, 100)
-        assert world.contact_steps[0] > 0  # the oracle has seen contact, too
+        assert world.truth["contact_steps"][0] > 0  # the oracle has seen contact, too
         place([1, 3], [6, 4])  # in another order, while the others go on
         drive([0, 2, 3], 200)
         place([2], [5])
@@ -114,20 +112,19 @@ class TestPlainLoop:
         setups = bumping(2, seed=5)
         fresh, used = World(1), World(1)
         first, second = setups[:1], setups[1:]
-        used.place(np.array([0]), used.prepare(first))
+        used.place(np.array([0]), used.prepare(first), np.array([0]))
         used.walk(None, 150)
         for world in (fresh, used):
-            world.place(np.array([0]), world.prepare(second))
+            world.place(np.array([0]), world.prepare(second), np.array([0]))
             world.walk(None, 300)
         np.testing.assert_array_equal(used.state, fresh.state)
         np.testing.assert_array_equal(used._batch.bind("qvel"), fresh._batch.bind("qvel"))
-        for name in ("steps", "distance", "min_distance", "path_length", "contact_steps"):
-            np.testing.assert_array_equal(getattr(used, name), getattr(fresh, name))
+        np.testing.assert_array_equal(used.truth, fresh.truth)
 
     def test_a_snapshot_is_the_simulation(self):
         setups = drawn(3, seed=6)
         world = World(3)
-        world.place(np.arange(3), world.prepare(setups))
+        world.place(np.arange(3), world.prepare(setups), np.arange(3))
         world.walk(None, 60)
         plain = Plain(setups, 1)
         plain.step(np.zeros(3), 0)
@@ -146,18 +143,17 @@ def driven():
     setups = drawn(DRIVEN, seed=11)
     world = World(DRIVEN)
     velocity = world._batch.bind("qvel")
-    every = slice(None)
-    world.place(np.arange(DRIVEN), world.prepare(setups))
+    world.place(np.arange(DRIVEN), world.prepare(setups), np.arange(DRIVEN))
     speeds, commands = [velocity.copy()], []
-    distances = [world.distance.copy()]
+    distances = [world.truth["distance"].copy()]
     seen, clock = [], []
     for _ in range(300):
         world.walk(None, 1)
         speeds.append(velocity.copy())
         commands.append(world.command.copy())
-        distances.append(world.distance.copy())
-        seen.append(world.sensed(every).copy())
-        clock.append(world.timer(every).copy())
+        distances.append(world.truth["distance"].copy())
+        seen.append(np.hypot(*world.sensed.T))
+        clock.append(world.clock.copy())
     return (
         setups,
         world,
@@ -195,26 +191,28 @@ class TestDriving:
         _, _, _, _, distances, seen, _ = driven
         np.testing.assert_allclose(seen, distances[:-1], rtol=0, atol=1e-12)
 
-    def test_the_clock_counts_physics_steps(self, driven):
-        clock = driven[6]
-        np.testing.assert_array_equal(clock, np.repeat(np.arange(1, 301)[:, None], DRIVEN, axis=1))
+    def test_the_clock_counts_the_seconds_until_one_step_before(self, driven):
+        steps = np.repeat(np.arange(300)[:, None], DRIVEN, axis=1)
+        np.testing.assert_allclose(driven[6], steps * 0.02, rtol=0, atol=1e-9)
 
     def test_it_arrives_and_stops_before_the_person_without_a_push(self, driven):
         setups, world, speeds, *_ = driven
-        gap = world.distance - setups.radius[:, 0] - plan.ROBOT_RADIUS
+        gap = world.truth["distance"] - setups.radius[:, 0] - plan.ROBOT_RADIUS
         assert gap == pytest.approx(np.full(DRIVEN, 0.02), abs=1e-3)
-        assert world.contact_steps.sum() == 0
+        assert world.truth["contact_steps"].sum() == 0
         assert np.hypot(speeds[-1, :, 0], speeds[-1, :, 1]).max() < 1e-3
 
     def test_it_drives_no_shorter_way_than_the_straight_one(self, driven):
         setups, world, *_ = driven
-        straight = setups.start_distance - world.distance
-        assert (world.path_length >= straight - 1e-9).all()
-        assert (world.path_length > straight + 0.1).any()  # someone was driven around
+        straight = setups.start_distance - world.truth["distance"]
+        assert (world.truth["path_length"] >= straight - 1e-9).all()
+        assert (world.truth["path_length"] > straight + 0.1).any()  # someone was driven around
 
     def test_the_least_distance_is_the_least_of_all_steps(self, driven):
         _, world, _, _, distances, *_ = driven
-        np.testing.assert_allclose(world.min_distance, distances.min(axis=0), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            world.truth["min_distance"], distances.min(axis=0), rtol=0, atol=1e-12
+        )
 
 
 class TestScene:

@@ -5,8 +5,8 @@ import pytest
 
 from evenhand import people
 from evenhand.errors import InputError
-from evenhand.restaurant import layout, senses, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant import kernels, layout, senses, task
+from evenhand.restaurant.lanes import PERCEIVED, Lanes
 from evenhand.restaurant.senses import SenseSettings
 
 
@@ -46,17 +46,16 @@ class TestDraws:
 
 class TestReading:
     def test_by_hand(self):
-        reading, age = senses.read(
-            sensor=np.array([2.0, 2.0, 0.05, 3.0]),
-            noise=np.array([0.1, 0.1, -0.2, 0.0]),
-            fails=np.array([False, True, False, True]),
-            last=np.array([2.5, 2.5, 0.1, 3.3]),
-            age=np.array([0.3, 0.0, 0.0, 0.2]),
-            elapsed=0.1,
-        )
-        # fresh; kept and older; not below nothing; kept and older still
-        np.testing.assert_allclose(reading, [2.1, 2.5, 0.0, 3.3])
-        np.testing.assert_allclose(age, [0.0, 0.1, 0.0, 0.3])
+        lanes = np.zeros(5, PERCEIVED)
+        lanes["reading"], lanes["age"] = [2.5, 2.5, 0.1, 3.3, 9.0], [0.3, 0.0, 0.0, 0.2, 9.0]
+        noise = np.full((5, 4), 9.0)
+        noise[:4, 3] = [0.1, np.nan, -0.2, np.nan]  # the timer shows step 15, so reading 3
+        seen = np.array([[1.2, 1.6], [2.0, 0.0], [0.05, 0.0], [0.0, 3.0], [1.0, 0.0]])
+        kernels.read(np.arange(4), seen, np.full(5, 0.28), noise, lanes, 0.02, 5)
+        # fresh; kept and older; not below nothing; kept and older still; not asked
+        np.testing.assert_allclose(lanes["reading"], [2.1, 2.5, 0.0, 3.3, 9.0])
+        np.testing.assert_allclose(lanes["age"], [0.0, 0.1, 0.0, 0.3, 9.0])
+        assert lanes["steps"].tolist() == [15, 15, 15, 15, 0]
 
 
 class TestLanes:
@@ -68,11 +67,12 @@ class TestLanes:
         setups = layout.draw(people.population("uniform"), 1, np.random.default_rng(2))
         lanes, one = Lanes(1, settings), np.zeros(1, np.int64)
         chances = senses.Chances(np.array([noise]), np.array([fails]))
-        lanes.begin(one, lanes.prepare(setups, chances))
-        out = [(lanes.reading[0], lanes.age[0], lanes.world.distance[0])]
+        lanes.begin(one, lanes.prepare(setups, chances), one)
+        known, truth = lanes.perceived[0], lanes.world.truth[0]
+        out = [(known["reading"], known["age"], truth["distance"])]
         for _ in range(settings.decisions):
             lanes.walk(one)
-            out.append((lanes.reading[0], lanes.age[0], lanes.world.distance[0]))
+            out.append((known["reading"], known["age"], truth["distance"]))
         return np.array(out).T
 
     def test_a_failed_reading_keeps_the_last_and_grows_old(self):
@@ -99,6 +99,6 @@ class TestLanes:
         lanes, ids = Lanes(3, settings), np.arange(3)
         noise = np.tile([[0.1], [-0.2], [0.0]], (1, 31))
         fails = np.zeros((3, 31), bool)
-        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails)))
+        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails)), ids)
         lanes.respond(ids)
         assert lanes.facts(ids).sensed_error == pytest.approx([0.1, -0.2, 0.0])

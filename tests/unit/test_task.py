@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenhand.errors import InputError
-from evenhand.restaurant import plan, task
+from evenhand.restaurant import plan, route, task
 from evenhand.restaurant.task import TaskSettings
 
 
@@ -30,7 +30,8 @@ class TestTimes:
 
 
 def steer(robot: complex, heading: float, target: complex, gap: float) -> np.ndarray:
-    return task.steer(*(np.array([value]) for value in (robot, heading, target, gap)))[0]
+    command = route.steer(robot, heading, target, gap, plan.TOP_SPEED, plan.MAX_ACCELERATION)
+    return np.array(command)
 
 
 class TestSteering:
@@ -88,7 +89,8 @@ class TestObservation:
     def test_by_hand(self):
         one_hot = np.zeros((2, 22), np.float32)
         one_hot[0, [0, 7, 13, 15, 20]] = 1.0
-        seen = task.observe(one_hot, np.array([2.5, 12.0]), np.array([60, 300]), np.array([0, 3.0]))
+        known = np.array([2.5, 12.0]), np.array([60, 300]), np.array([0, 3.0])
+        seen = task.observe(np.arange(2), one_hot, *known)
         assert seen.shape == (2, 25)
         assert seen.dtype == np.float32
         np.testing.assert_array_equal(seen[:, :22], one_hot)
@@ -97,9 +99,8 @@ class TestObservation:
 
 
 def terms(responded: bool, step: int, distance: float, least: float) -> list[float]:
-    found = task.reward_terms(*(np.array([value]) for value in (responded, step, distance, least)))
-    assert list(found) == ["response", "distance", "promptness", "safety"]
-    return [float(value[0]) for value in found.values()]
+    service = (np.array([value]) for value in (responded, step, distance, least))
+    return task.quality(*service)[0][0].tolist()
 
 
 class TestReward:

@@ -230,12 +230,8 @@ def _advantages(
     """Advantage and critic target of every decision, both [N, L]."""
     value = np.asarray(state_values(policy, done.observation))
     if settings.preset == "paper":
-        ahead = task.observe(
-            following.one_hot,
-            following.start_distance,
-            np.zeros(1),
-            np.zeros(1),
-        )
+        first = np.zeros(1, np.int64)
+        ahead = task.observe(first, following.one_hot, following.start_distance, first, np.zeros(1))
         value_next = float(state_values(policy, ahead)[0])
         gamma = settings.update.gamma
         returns = np.asarray(losses.people_returns(even, value_next, gamma))

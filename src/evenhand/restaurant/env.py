@@ -9,7 +9,13 @@ import numpy as np
 
 from evenhand.errors import InputError, unknown
 from evenhand.restaurant import plan, task
-from evenhand.restaurant.episodes import Source, finished, observation_space, settings_from
+from evenhand.restaurant.episodes import (
+    FACT_NAMES,
+    Source,
+    finished,
+    observation_space,
+    settings_from,
+)
 from evenhand.restaurant.lanes import Lanes
 
 
@@ -105,8 +111,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         super().reset(seed=seed)
         if seed is not None:
             self._source.forget(0)
-        service, asking = self._source.take(self._ids, [self.np_random])
-        self._lanes.begin(self._ids, service)
+        asking = self._source.begin(self._ids, [self.np_random])
         self._running = self._begun = True
         return self._lanes.observe(self._ids)[0], {"identities": asking[0]}
 
@@ -133,7 +138,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
             return observation, 0.0, False, False, {}
         self._running = False
         facts, reward = finished(self._lanes, self._ids)
-        plain = {name: value[0].item() for name, value in facts.items()}
+        plain = {name: facts[name][0].item() for name in FACT_NAMES}
         return observation, float(reward[0]), True, False, {"facts": plain}
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]

@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from evenhand.restaurant import layout, plan, senses, task
+from evenhand.restaurant import kernels, layout, plan, senses, task
 from evenhand.restaurant.world import Rows, World
+
+PERCEIVED = np.dtype(
+    [
+        ("one_hot", np.float32, task.N_GROUPS),
+        ("reading", float),
+        ("age", float),
+        ("steps", np.int64),
+        ("responded", bool),
+    ],
+    align=True,
+)
+"""One service as the robot knows it.
+
+``one_hot``: identities of the person who asks; ``reading``: distance as last sensed, metres;
+``age``: of that reading, seconds; ``steps``: physics steps since the service began, by the timer;
+``responded``: whether it has.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,21 +52,24 @@ class Facts:
     contact_steps: np.ndarray
     sensed_error: np.ndarray
 
+    @cached_property
+    def _quality(self) -> tuple[np.ndarray, np.ndarray]:
+        return task.quality(self.responded, self.steps, self.distance, self.min_distance)
+
     @property
     def perfect(self) -> np.ndarray:
         """Services with a response in time and in place, and never too close; bool [N]."""
-        placed = (self.distance >= 1.0) & (self.distance <= 1.5)
-        return self.responded & placed & (self.steps <= 200) & (self.min_distance >= 0.5)
+        return self._quality[1]
 
     @property
-    def terms(self) -> dict[str, np.ndarray]:
-        """Service quality by name, see ``task.reward_terms``; each [N]."""
-        return task.reward_terms(self.responded, self.steps, self.distance, self.min_distance)
+    def terms(self) -> np.ndarray:
+        """Service quality by ``task.REWARD_TERMS``, see ``task.quality``; [N, 4]."""
+        return self._quality[0]
 
     @property
     def reward(self) -> np.ndarray:
         """Service quality: the sum of the terms, in [-0.5, 1], [N]."""
-        return sum(self.terms.values(), start=np.zeros(len(self.steps)))
+        return self.terms.sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -58,20 +78,13 @@ class Beginning:
 
     Attributes:
         rows: for the simulations.
-        one_hot: identities of the person who asks, float32 [N, 22].
-        noise: of every reading, metres, [N, K].
-        fails: whether a reading fails, bool [N, K].
+        perceived: ``PERCEIVED``, [N].
+        noise: of every reading, metres, NaN for one that fails, [N, K].
     """
 
     rows: Rows
-    one_hot: np.ndarray
+    perceived: np.ndarray
     noise: np.ndarray
-    fails: np.ndarray
-
-    def take(self, at: Any) -> Beginning:
-        """Some of them, by index, mask or slice of the first axis or axes."""
-        rows = Rows(**{name: values[at] for name, values in vars(self.rows).items()})
-        return Beginning(rows, self.one_hot[at], self.noise[at], self.fails[at])
 
 
 class Lanes:
@@ -79,53 +92,51 @@ class Lanes:
 
     Attributes:
         world: the simulations.
-        reading: distance as last sensed, metres, [n].
-        age: of that reading, seconds, [n].
+        perceived: what the robots know, ``PERCEIVED``, [n].
     """
 
     def __init__(self, n: int, settings: task.TaskSettings) -> None:
         self.n = n
         self.settings = settings
         self.world = World(n)
-        self.reading = np.zeros(n)
-        self.age = np.zeros(n)
+        self.perceived = np.zeros(n, PERCEIVED)
         self._all = np.arange(n)
-        self._one_hot = np.zeros((n, task.N_GROUPS), np.float32)
-        self._start = np.zeros(n)
-        self._responded = np.zeros(n, bool)
         self._noise = np.zeros((n, settings.decisions + 1))
-        self._fails = np.zeros((n, settings.decisions + 1), bool)
 
     def prepare(self, setups: layout.Setups, chances: senses.Chances) -> Beginning:
         """What begins N services, ready to be copied into lanes; see ``begin``."""
-        return Beginning(self.world.prepare(setups), setups.one_hot, chances.noise, chances.fails)
+        perceived = np.zeros(len(setups), PERCEIVED)
+        perceived["one_hot"] = setups.one_hot
+        # of a robot at rest, so that the sensor's age of one step makes no difference
+        perceived["reading"] = np.maximum(setups.start_distance + chances.noise[:, 0], 0.0)
+        noise = np.where(chances.fails, np.nan, chances.noise)
+        return Beginning(self.world.prepare(setups), perceived, noise)
 
-    def begin(self, ids: np.ndarray, services: Beginning) -> None:
+    def begin(self, ids: np.ndarray, services: Beginning, at: np.ndarray) -> None:
         """Begin a service in each of these lanes.
-
-        The first reading is of a robot at rest: the sensor's age of one step makes no difference.
 
         Args:
             ids: lanes, sorted, int [k].
-            services: k of them, with ``settings.decisions + 1`` readings each.
+            services: with ``settings.decisions + 1`` readings each.
+            at: which of the services, int [k].
         """
-        self.world.place(ids, services.rows)
-        self._one_hot[ids] = services.one_hot
-        self._start[ids] = services.rows.distance
-        self._responded[ids] = False
-        self._noise[ids], self._fails[ids] = services.noise, services.fails
-        self.reading[ids] = np.maximum(services.rows.distance + services.noise[:, 0], 0.0)
-        self.age[ids] = 0.0
+        self.world.place(ids, services.rows, at)
+        kernels.meet(ids, at, (services.perceived, services.noise), self.perceived, self._noise)
 
-    def observe(self, ids: np.ndarray | slice) -> np.ndarray:
-        """What the robot goes by in these lanes, float32 [k, 25]."""
+    def observe(self, ids: np.ndarray | None = None) -> np.ndarray:
+        """What the robot goes by in these lanes, or in all, float32 [k, 25]."""
+        known = self.perceived
         return task.observe(
-            self._one_hot[ids], self.reading[ids], self.world.timer(ids), self.age[ids]
+            self._all if ids is None else ids,
+            known["one_hot"],
+            known["reading"],
+            known["steps"],
+            known["age"],
         )
 
     def respond(self, ids: np.ndarray) -> None:
-        """End the services of these lanes with a response."""
-        self._responded[ids] = True
+        """End the services of these lanes, by index or mask, with a response."""
+        self.perceived["responded"][ids] = True
 
     def walk(self, ids: np.ndarray) -> np.ndarray:
         """Drive until the next decision.
@@ -136,33 +147,23 @@ class Lanes:
         Returns:
             Which of them have run out of time, bool [k].
         """
-        everyone = len(ids) == self.n
-        self.world.walk(None if everyone else ids, self.settings.interval)
-        self._read(slice(None) if everyone else ids)
-        return self.world.steps[ids] >= plan.MAX_STEPS
+        world, interval = self.world, self.settings.interval
+        world.walk(None if len(ids) == self.n else ids, interval)
+        kernels.read(
+            ids, world.sensed, world.clock, self._noise, self.perceived, plan.TIMESTEP, interval
+        )
+        return world.truth["steps"][ids] >= plan.MAX_STEPS
 
     def facts(self, ids: np.ndarray) -> Facts:
         """Facts of the services of these lanes, which have ended."""
-        world = self.world
+        truth, known = self.world.truth[ids], self.perceived[ids]
         return Facts(
-            responded=self._responded[ids],
-            steps=world.steps[ids].astype(np.int64),
-            distance=world.distance[ids],
-            min_distance=world.min_distance[ids],
-            start_distance=self._start[ids],
-            path_length=world.path_length[ids],
-            contact_steps=world.contact_steps[ids].astype(np.int64),
-            sensed_error=self.reading[ids] - world.distance[ids],
-        )
-
-    def _read(self, ids: np.ndarray | slice) -> None:
-        k = self.world.steps[ids].astype(np.int64) // self.settings.interval
-        rows = self._all[ids]
-        self.reading[ids], self.age[ids] = senses.read(
-            self.world.sensed(ids),
-            self._noise[rows, k],
-            self._fails[rows, k],
-            self.reading[ids],
-            self.age[ids],
-            self.settings.interval * plan.TIMESTEP,
+            responded=known["responded"],
+            steps=truth["steps"],
+            distance=truth["distance"],
+            min_distance=truth["min_distance"],
+            start_distance=truth["start_distance"],
+            path_length=truth["path_length"],
+            contact_steps=truth["contact_steps"],
+            sensed_error=known["reading"] - truth["distance"],
         )

@@ -144,36 +144,18 @@ def _places(n: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
     access = np.where(host >= 0, person - out + seat * _ACCESS, person)
     distance = rng.uniform(*plan.START_DISTANCE, (n, _TRIES))
     angle = rng.uniform(-np.pi, np.pi, (n, _TRIES))
-    start: route.Points = np.ravel(person[:, None] + distance * np.exp(1j * angle)).astype(complex)
+    starts: route.Points = (person[:, None] + distance * np.exp(1j * angle)).astype(complex)
     centre, radius = obstacles(position, table)
-
-    def each(values: np.ndarray) -> np.ndarray:
-        return np.repeat(values, _TRIES, axis=0)
-
-    centre, radius = each(centre), each(radius)
-    room = plan.ROOM - plan.ROBOT_RADIUS - plan.CLEARANCE
-    free = (np.abs(start.real) < room[0]) & (np.abs(start.imag) < room[1])
-    free &= (np.abs(centre - start[:, None]) > radius + route.MARGIN).all(axis=1)
-    # many starts lie in furniture: plan only for the rest, and for one if there is no rest
-    at = np.flatnonzero(free) if free.any() else np.zeros(1, np.int64)
-    ways = route.find(
-        start[at], each(person)[at], each(seat)[at], each(access)[at], each(host)[at],
-        centre[at], radius[at],
-    )  # fmt: skip
-    good = np.zeros(n * _TRIES, bool)
-    good[at] = free[at] & ways.clear & (ways.length <= _LONGEST_WAY)
-    found = good.reshape(n, _TRIES)
-    pick = np.arange(n) * _TRIES + found.argmax(axis=1)
-    place = np.zeros(n * _TRIES, np.int64)
-    place[at] = np.arange(len(at))
+    ways = route.find(starts, person, seat, access, host, centre, radius, _LONGEST_WAY)
+    start = starts[np.arange(n), ways.tried]
     return {
         "position": position,
         "table": table,
-        "start": np.stack([start[pick].real, start[pick].imag], axis=1),
-        "front": ways.front[place[pick]],
-        "way": ways.points[place[pick]],
-        "last": ways.last[place[pick]],
-        "clear": np.asarray(found.any(axis=1)),
+        "start": np.stack([start.real, start.imag], axis=1),
+        "front": ways.front,
+        "way": ways.points,
+        "last": ways.last,
+        "clear": ways.tried >= 0,
     }
 
 

@@ -1,7 +1,7 @@
-"""The way to the person, planned when a service begins: nothing but the robot moves.
+"""The way to the person: planned when a service begins, for nothing but the robot moves; followed.
 
-Points of the plane are complex numbers, x + iy, in metres. What must be driven around are discs;
-the way touches them along tangents. Pure functions on arrays; n ways at once, m discs each.
+Points and directions of the plane are complex numbers, x + iy, in metres. What must be driven
+around are discs; the way touches them along tangents.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenhand.restaurant import plan
+from evenhand.restaurant.compiled import Records, compiled
 
 Points = NDArray[np.complex128]
 
@@ -23,6 +24,11 @@ _FRONT = np.cos(np.deg2rad(55.0))
 """Within this angle of a seat's front the way leads straight to the person."""
 _WIDEST_TURN = 2.4
 """Radians that a way may follow one disc."""
+_REACHED = 0.20
+"""Metres from a corner of the way at which the robot turns to the next point."""
+_YAW_GAIN, _YAW_SPEED = 6.0, 3.0
+_APPROACH_GAIN = 4.0
+"""Metres per second for each metre that is left; low enough not to overshoot between decisions."""
 
 
 @dataclass(frozen=True)
@@ -30,126 +36,247 @@ class Ways:
     """n planned ways.
 
     Attributes:
+        tried: index of the start that was taken, -1 where none has a clear way, int64 [n].
         points: complex [n, 3]; the person's place fills up the end.
         last: index of the first point that is the person, int64 [n].
         front: unit vector from the table to the person where the way leads by the front of a
             seat, 0 elsewhere, complex [n].
         length: from start to person, metres, [n].
-        clear: whether the way keeps out of all discs and inside the room, bool [n].
     """
 
+    tried: np.ndarray
     points: Points
     last: np.ndarray
     front: Points
     length: np.ndarray
-    clear: np.ndarray
-
-
-def in_front(position: Points, person: Points, seat: Points) -> np.ndarray:
-    """Whether a person is approached from the front of the seat; always true without a table.
-
-    Args:
-        position: of the robot, complex [n].
-        person: complex [n].
-        seat: unit vector from the table to the person, 0 for a standing one, complex [n].
-    """
-    to_person = person - position
-    return -(to_person * seat.conj()).real >= _FRONT * np.abs(to_person) * (seat != 0)
 
 
 def find(
-    start: Points,
+    starts: Points,
     person: Points,
     seat: Points,
     access: Points,
     host: np.ndarray,
     centre: Points,
     around: np.ndarray,
+    longest: float = np.inf,
 ) -> Ways:
-    """Plan n ways.
+    """Plan n ways, each from the first of its starts from which there is a clear one.
+
+    A way is clear if it begins and stays inside the room and outside all discs.
 
     Args:
-        start: of the robot, complex [n].
+        starts: of the robot, T proposals each, complex [n, T].
         person: complex [n].
         seat: unit vector from the table to the person, 0 for a standing one, complex [n].
         access: in front of the seat, outside the table's disc, complex [n].
         host: index of the disc around the person's own table, -1 for none, int [n].
         centre: discs, complex [n, m].
         around: their radii, 0 for none, [n, m].
-
-    Returns:
-        The ways; one that is not clear is to be discarded.
+        longest: metres that a way may have.
     """
-    direct = in_front(start, person, seat)
-    goal = np.where(direct, person, access)
-    around = around.copy()
-    # who approaches from the front enters the disc of the person's own table
-    entered = np.flatnonzero(direct & (host >= 0))
-    around[entered, host[entered]] = 0.0
-    hits = _hits(start, goal, centre, around)
-    bent = np.flatnonzero(hits.any(axis=1))
-    last = (~direct).astype(np.int64)
-    last[bent] += 1
-    points = np.repeat(person[:, None], POINTS, axis=1)
-    points[~direct, 0] = access[~direct]
-    points[bent, 1] = goal[bent]
-    clear = np.ones(len(start), bool)
-    corner, clear[bent] = _corner(start[bent], goal[bent], centre[bent], around[bent], hits[bent])
-    points[bent, 0] = corner
-    # a corner must not lead away from the front of a seat whose table's disc is entered
-    clear[bent] &= ~direct[bent] | in_front(corner, person[bent], seat[bent])
-    clear[bent] &= ~_hits(start[bent], corner, centre[bent], around[bent]).any(axis=1)
-    clear[bent] &= ~_hits(corner, goal[bent], centre[bent], around[bent]).any(axis=1)
-    legs = np.abs(np.diff(np.concatenate([start[:, None], points], axis=1), axis=1))
-    return Ways(points, last, np.where(direct, 0.0, seat), legs.sum(axis=1), clear)
-
-
-def _hits(a: Points, b: Points, centre: Points, radius: np.ndarray) -> np.ndarray:
-    """Which discs the straight line from a to b enters, bool [n, m]."""
-    way = b - a
-    length = np.abs(way)
-    unit = np.where(length > 0, way, 1.0) / np.where(length > 0, length, 1.0)
-    turned = (centre - a[:, None]) * unit.conj()[:, None]
-    beyond = turned.real - np.clip(turned.real, 0.0, length[:, None])
-    return turned.imag**2 + beyond**2 < radius**2
-
-
-def _corner(
-    a: Points, b: Points, centre: Points, radius: np.ndarray, hits: np.ndarray
-) -> tuple[Points, np.ndarray]:
-    """Where the tangents from a and b to the first disc between them meet.
-
-    Returns:
-        Corner on the nearer side that lies inside the room, complex [k], and whether there is
-        one, bool [k].
-    """
-    entry = np.where(hits, np.abs(centre - a[:, None]) - radius, np.inf)
-    at = np.arange(len(a)), entry.argmin(axis=1)
-    c, r = centre[at], radius[at] + MARGIN
-    across = ((c - a) * (b - a).conj()).imag
-    side = np.where(across < 0, -1.0, 1.0)  # a disc on the right is gone round clockwise
-    found, turn = _meet(a, b, c, r, side)
-    other, other_turn = _meet(a, b, c, r, -side)
-    out, other_out = _outside(found), _outside(other)
-    return np.where(out, other, found), np.where(
-        out, (other_turn <= _WIDEST_TURN) & ~other_out, turn <= _WIDEST_TURN
+    n = len(person)
+    ways = Ways(
+        tried=np.full(n, -1),
+        points=np.repeat(person[:, None], POINTS, axis=1),
+        last=np.zeros(n, np.int64),
+        front=np.zeros(n, complex),
+        length=np.zeros(n),
     )
-
-
-def _outside(points: Points) -> np.ndarray:
     room = plan.ROOM - plan.ROBOT_RADIUS - plan.CLEARANCE
-    return (np.abs(points.real) > room[0]) | (np.abs(points.imag) > room[1])
+    _find(
+        starts, person, seat, access, host, centre, around, (room[0], room[1]), longest,
+        (ways.tried, ways.points, ways.last, ways.front, ways.length),
+    )  # fmt: skip
+    return ways
 
 
-def _meet(
-    a: Points, b: Points, c: Points, r: np.ndarray, side: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+@compiled
+def in_front(position: complex, person: complex, seat: complex) -> bool:
+    """Whether a person is approached from the front of the seat; always true without a table.
+
+    Args:
+        position: of the robot.
+        person: where it goes.
+        seat: unit vector from the table to the person, 0 for a standing one.
+    """
+    to_person = person - position
+    return seat == 0 or -(to_person * seat.conjugate()).real >= _FRONT * abs(to_person)
+
+
+@compiled
+def _find(
+    starts: Points,
+    person: Points,
+    seat: Points,
+    access: Points,
+    host: np.ndarray,
+    centre: Points,
+    around: np.ndarray,
+    room: tuple[float, float],
+    longest: float,
+    out: tuple[np.ndarray, Points, np.ndarray, Points, np.ndarray],
+) -> None:
+    tried, points, last, front, length = out
+    for i in range(len(person)):
+        for j in range(starts.shape[1]):
+            start = starts[i, j]
+            if _outside(start, room) or _crowded(start, centre[i], around[i]):
+                continue
+            direct = in_front(start, person[i], seat[i])
+            goal = person[i] if direct else access[i]
+            # who approaches from the front enters the disc of the person's own table
+            entered = host[i] if direct else -1
+            clear, bent, corner = _bend(start, goal, centre[i], around[i], entered, room)
+            # a corner must not lead away from the front of a seat whose table's disc is entered
+            if bent and direct:
+                clear = clear and in_front(corner, person[i], seat[i])
+            whole = abs(goal - corner) + abs(corner - start) if bent else abs(goal - start)
+            whole += abs(person[i] - goal)
+            if not clear or whole > longest:
+                continue
+            k = 0
+            if bent:
+                points[i, k] = corner
+                k += 1
+            points[i, k] = goal
+            tried[i], length[i] = j, whole
+            last[i] = k if direct else k + 1
+            front[i] = 0.0 if direct else seat[i]
+            break
+
+
+@compiled
+def _outside(point: complex, room: tuple[float, float]) -> bool:
+    return abs(point.real) >= room[0] or abs(point.imag) >= room[1]
+
+
+@compiled
+def _crowded(point: complex, centre: Points, around: np.ndarray) -> bool:
+    """Whether a point is too near to a disc to start there."""
+    return bool((np.abs(centre - point) <= around + MARGIN).any())
+
+
+@compiled
+def _first_hit(
+    a: complex, b: complex, centre: Points, around: np.ndarray, entered: int
+) -> tuple[int, float]:
+    """The disc that the straight line from a to b enters, and is nearest to a; -1 for none."""
+    way = b - a
+    length = abs(way)
+    unit = way / length if length > 0 else 1.0 + 0.0j
+    first, nearest = -1, np.inf
+    for k in range(len(centre)):
+        c, r = centre[k], around[k]
+        if k == entered:
+            continue
+        turned = (c - a) * unit.conjugate()
+        beyond = turned.real - min(max(turned.real, 0.0), length)
+        if turned.imag**2 + beyond**2 < r**2 and abs(c - a) - r < nearest:
+            first, nearest = k, abs(c - a) - r
+    return first, nearest
+
+
+@compiled
+def _bend(
+    a: complex,
+    b: complex,
+    centre: Points,
+    around: np.ndarray,
+    entered: int,
+    room: tuple[float, float],
+) -> tuple[bool, bool, complex]:
+    """The way from a to b with at most one corner.
+
+    Returns:
+        Whether it is clear, whether it has a corner, and the corner: where the tangents from a
+        and b to the first disc between them meet, on the nearer side that lies inside the room.
+    """
+    first, _ = _first_hit(a, b, centre, around, entered)
+    if first < 0:
+        return True, False, b
+    c, r = centre[first], around[first] + MARGIN
+    # a disc on the right is gone round clockwise
+    side = -1.0 if ((c - a) * (b - a).conjugate()).imag < 0 else 1.0
+    corner, turn = _meet(a, b, c, r, side)
+    if _outside(corner, room):
+        corner, turn = _meet(a, b, c, r, -side)
+    clear = turn <= _WIDEST_TURN and not _outside(corner, room)
+    clear = clear and _first_hit(a, corner, centre, around, entered)[0] < 0
+    return clear and _first_hit(corner, b, centre, around, entered)[0] < 0, True, corner
+
+
+@compiled
+def _meet(a: complex, b: complex, c: complex, r: float, side: float) -> tuple[complex, float]:
     """Meeting point of two tangents on one side of a disc, and the angle between them."""
     from_a, from_b = a - c, b - c
-    lean_a = np.arccos(np.minimum(r / np.maximum(np.abs(from_a), 1e-9), 1.0))
-    lean_b = np.arccos(np.minimum(r / np.maximum(np.abs(from_b), 1e-9), 1.0))
-    touch_a = np.angle(from_a) + side * lean_a
-    touch_b = np.angle(from_b) - side * lean_b
+    lean_a = np.arccos(min(r / max(abs(from_a), 1e-9), 1.0))
+    lean_b = np.arccos(min(r / max(abs(from_b), 1e-9), 1.0))
+    touch_a = np.arctan2(from_a.imag, from_a.real) + side * lean_a
+    touch_b = np.arctan2(from_b.imag, from_b.real) - side * lean_b
     turn = (side * (touch_b - touch_a)) % (2 * np.pi)
-    half = np.minimum(turn / 2, 1.4)
-    return c + r / np.cos(half) * np.exp(1j * (touch_a + side * turn / 2)), turn
+    half = min(turn / 2, 1.4)
+    middle = touch_a + side * turn / 2
+    return c + r / np.cos(half) * complex(np.cos(middle), np.sin(middle)), turn
+
+
+@compiled
+def steer(
+    robot: complex, heading: float, target: complex, gap: float, top_speed: float, brake: float
+) -> tuple[float, float, float]:
+    """Velocities that drive to a point, slowing down as the gap to the person closes.
+
+    Args:
+        robot: centre.
+        heading: radians.
+        target: next point of the way.
+        gap: metres left to the person before ``walk`` stops.
+        top_speed: of the drive, m/s.
+        brake: greatest deceleration of the drive, m/s²; the approach counts on half of it.
+
+    Returns:
+        Commands of the three velocity servos: x, y (m/s) and yaw (rad/s).
+    """
+    way = target - robot
+    gap = max(gap, 0.0)
+    speed = min(np.sqrt(brake * gap), _APPROACH_GAIN * gap, top_speed) / max(abs(way), 1e-9)
+    turn = (np.arctan2(way.imag, way.real) - heading + np.pi) % (2 * np.pi) - np.pi
+    return way.real * speed, way.imag * speed, min(max(_YAW_GAIN * turn, -_YAW_SPEED), _YAW_SPEED)
+
+
+@compiled
+def follow(
+    ids: np.ndarray,
+    pose: np.ndarray,
+    truth: Records,
+    command: np.ndarray,
+    top_speed: float,
+    brake: float,
+) -> None:
+    """Steer robots to the next point of their ways.
+
+    Args:
+        ids: lanes, int [k].
+        pose: x, y (m), yaw (rad), [n, 3].
+        truth: ``world.TRUTH``, [n]; the next point, and where the robot is, are written.
+        command: of the servos, written, [n, 3].
+        top_speed: see ``steer``.
+        brake: see ``steer``.
+    """
+    for i in ids:
+        lane = truth[i]
+        robot = complex(pose[i, 0], pose[i, 1])
+        lane.robot = robot
+        k = lane.next
+        if k < lane.last:
+            near = abs(lane.way[k] - robot) < _REACHED
+            # the point before a seat may be skipped once the robot is in front of it
+            if k == lane.last - 1 and lane.front != 0:
+                near = near or in_front(robot, lane.way[-1], lane.front)
+            if near:
+                k += 1
+                lane.next = k
+        x, y, yaw = steer(
+            robot, pose[i, 2], lane.way[k], lane.distance - lane.stop, top_speed, brake
+        )
+        command[i, 0], command[i, 1], command[i, 2] = x, y, yaw

@@ -1,6 +1,7 @@
 """What the robot perceives of the person: readings of the distance sensor, not the truth.
 
-A reading carries noise and sometimes fails; then the last one is kept and grows old. The
+A reading carries noise and sometimes fails; then the last one is kept and grows old (see
+``kernels.read``). The
 randomness of a service is drawn before it begins, so that one simulation, many simulations and a
 replay see the same readings.
 """
@@ -54,28 +55,3 @@ def draw(settings: SenseSettings, n: int, readings: int, rng: np.random.Generato
     fails = rng.random((n, readings)) < settings.dropout
     fails[:, 0] = False
     return Chances(noise=settings.noise * rng.standard_normal((n, readings)), fails=fails)
-
-
-def read(
-    sensor: np.ndarray,
-    noise: np.ndarray,
-    fails: np.ndarray,
-    last: np.ndarray,
-    age: np.ndarray,
-    elapsed: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """One reading of every simulation.
-
-    Args:
-        sensor: distance that the sensor measures now, metres, [n].
-        noise: error of this reading, metres, [n].
-        fails: whether this reading fails, [n].
-        last: last reading, metres, [n].
-        age: its age, seconds, [n].
-        elapsed: seconds since the reading before.
-
-    Returns:
-        The reading the robot goes by, metres, and its age, seconds, both [n].
-    """
-    reading = np.where(fails, last, np.maximum(sensor + noise, 0.0))
-    return reading, np.where(fails, age + elapsed, 0.0)

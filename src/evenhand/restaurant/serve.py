@@ -67,7 +67,7 @@ def serve(
     for first in range(0, total, lanes.n):
         rows = slice(first, min(first + lanes.n, total))
         ids = np.arange(rows.stop - rows.start)
-        lanes.begin(ids, lanes.prepare(setups[rows], chances[rows]))
+        lanes.begin(ids, lanes.prepare(setups[rows], chances[rows]), ids)
         active = ids
         for k in range(length):
             seen = lanes.observe(active)

@@ -13,7 +13,13 @@ from gymnasium.vector.utils import batch_space
 from evenhand import people
 from evenhand.errors import InputError, unknown
 from evenhand.restaurant import task
-from evenhand.restaurant.episodes import Source, finished, observation_space, settings_from
+from evenhand.restaurant.episodes import (
+    FACT_NAMES,
+    Source,
+    finished,
+    observation_space,
+    settings_from,
+)
 from evenhand.restaurant.lanes import Lanes
 
 
@@ -82,7 +88,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                     self._rngs[lane] = seeding.np_random(seeds[lane])[0]
                     self._source.forget(int(lane))
         info = self._begin(ids)
-        return self._lanes.observe(slice(None)), info
+        return self._lanes.observe(), info
 
     def step(
         self, actions: np.ndarray
@@ -94,31 +100,33 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             RuntimeError: before the first reset, or, without autoreset, when a lane has ended.
         """
         actions = np.asarray(actions)
-        if actions.shape != (self.num_envs,) or ((actions != 0) & (actions != 1)).any():
+        responds = actions == task.RESPOND
+        if actions.shape != (self.num_envs,) or not (responds | (actions == task.WALK)).all():
             raise InputError(
                 f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)"
             )
         if not self._rngs:
             raise RuntimeError("call reset() before step()")
         idle = self._ended
-        if self.autoreset_mode is AutoresetMode.DISABLED and idle.any():
+        waiting = idle.any()
+        if waiting and self.autoreset_mode is AutoresetMode.DISABLED:
             lanes = np.flatnonzero(idle).tolist()
             raise RuntimeError(f"the services of lanes {lanes} have ended: reset these lanes first")
         info: dict[str, Any] = {}
-        responds = (actions == task.RESPOND) & ~idle
-        walks = np.flatnonzero(~responds & ~idle)
-        ended = responds.copy()
-        self._lanes.respond(np.flatnonzero(responds))
+        ended = responds & ~idle
+        walks = (~(responds | idle)).nonzero()[0]
+        self._lanes.respond(ended)
         if len(walks):
             ended[walks] = self._lanes.walk(walks)
-        if idle.any():
-            info |= self._begin(np.flatnonzero(idle))
-        rewards = np.zeros(self.num_envs)
+        if waiting:
+            info |= self._begin(idle.nonzero()[0])
         self._ended = ended
-        if ended.any():
-            done = np.flatnonzero(ended)
-            facts, rewards[done] = finished(self._lanes, done)
-            spread = {"facts": self._spread(facts, ended), "_facts": ended}
+        done = ended.nonzero()[0]
+        if not len(done):
+            rewards = np.zeros(self.num_envs)
+        else:
+            facts, rewards = finished(self._lanes, done)
+            spread = {"facts": _masked(facts, ended), "_facts": ended}
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 final = np.full(self.num_envs, None, object)
                 final[done] = [*self._lanes.observe(done)]
@@ -128,12 +136,11 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 self._ended = np.zeros(self.num_envs, bool)
             else:
                 info |= spread
-        observation = self._lanes.observe(slice(None))
-        return observation, rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+        never = np.zeros(self.num_envs, bool)
+        return self._lanes.observe(), rewards, ended.copy(), never, info
 
     def _begin(self, ids: np.ndarray) -> dict[str, Any]:
-        services, asking = self._source.take(ids, self._rngs)
-        self._lanes.begin(ids, services)
+        asking = self._source.begin(ids, self._rngs)
         begun = np.zeros(self.num_envs, bool)
         begun[ids] = True
         self._ended = self._ended & ~begun
@@ -141,14 +148,13 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         identities[ids] = asking
         return {"identities": identities, "_identities": begun}
 
-    def _spread(self, facts: dict[str, np.ndarray], ended: np.ndarray) -> dict[str, np.ndarray]:
-        """Values of finished lanes at their places among all lanes, with their masks."""
-        out = {}
-        for name, values in facts.items():
-            full = np.zeros(self.num_envs, values.dtype)
-            full[ended] = values
-            out[name], out[f"_{name}"] = full, ended
-        return out
+
+def _masked(facts: np.ndarray, ended: np.ndarray) -> dict[str, np.ndarray]:
+    """Facts by name, each with the mask of the lanes that it is of."""
+    out = {}
+    for name in FACT_NAMES:
+        out[name], out[f"_{name}"] = facts[name], ended
+    return out
 
 
 def _reset_mask(mask: Any, n: int) -> np.ndarray:

@@ -1,0 +1,227 @@
+"""Compiled loops over lanes: what is done for every robot between two decisions.
+
+Lanes are rows of structured arrays, whose fields are described where they are made
+(``world.TRUTH``, ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evenhand.restaurant.compiled import Records, compiled
+
+NEAREST, FARTHEST = 1.0, 1.5
+"""Proper distances of a response."""
+LATE = 200
+"""Physics steps after which a response is late."""
+RISK = 0.5
+"""Nearer than this is a risk."""
+
+
+@compiled
+def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Records) -> None:
+    """Add up what happened in the physics steps since ``route.follow``.
+
+    Args:
+        ids: lanes, int [k].
+        pose: after every step, [k, s, 3].
+        contacts: number of them in every step, [k, s].
+        truth: ``world.TRUTH``, [n], written.
+    """
+    steps = pose.shape[1]
+    for row, i in enumerate(ids):
+        lane = truth[i]
+        person, robot = lane.way[-1], lane.robot
+        least, path, touched, distance = lane.min_distance, lane.path_length, 0, lane.distance
+        for s in range(steps):
+            now = complex(pose[row, s, 0], pose[row, s, 1])
+            path += abs(now - robot)
+            robot = now
+            distance = abs(now - person)
+            least = min(least, distance)
+            touched += contacts[row, s] > 0
+        lane.robot, lane.distance, lane.min_distance = robot, distance, least
+        lane.path_length = path
+        lane.contact_steps += touched
+        lane.steps += steps
+
+
+@compiled
+def read(
+    ids: np.ndarray,
+    seen: np.ndarray,
+    clock: np.ndarray,
+    noise: np.ndarray,
+    perceived: Records,
+    timestep: float,
+    interval: int,
+) -> None:
+    """One reading of the distance sensor and the timer of these lanes.
+
+    As MuJoCo leaves them after a step, readings are one physics step old; the timer adds it.
+
+    Args:
+        ids: lanes, int [k].
+        seen: place of the person by the distance sensor, x and y, [n, 2].
+        clock: seconds by the timer, [n].
+        noise: error of every reading of a service, NaN for one that fails, [n, K].
+        perceived: ``lanes.PERCEIVED``, [n], written: a reading that fails leaves the last one,
+            which grows old.
+        timestep: seconds of a physics step.
+        interval: physics steps between two readings.
+    """
+    for i in ids:
+        lane = perceived[i]
+        lane.steps = int(np.rint(clock[i] / timestep)) + 1
+        error = noise[i, lane.steps // interval]
+        if np.isnan(error):
+            lane.age += interval * timestep
+        else:
+            lane.reading = max(np.hypot(seen[i, 0], seen[i, 1]) + error, 0.0)
+            lane.age = 0.0
+
+
+@compiled
+def observe(
+    ids: np.ndarray,
+    one_hot: np.ndarray,
+    distance: np.ndarray,
+    steps: np.ndarray,
+    age: np.ndarray,
+    units: tuple[float, float, float],
+    limit: float,
+) -> np.ndarray:
+    """What a network takes of these lanes; see ``task.observe``."""
+    groups = one_hot.shape[1]
+    out = np.empty((len(ids), groups + 3), np.float32)
+    for row, i in enumerate(ids):
+        for g in range(groups):
+            out[row, g] = one_hot[i, g]
+        out[row, groups] = min(distance[i] / units[0], limit)
+        out[row, groups + 1] = steps[i] / units[1]
+        out[row, groups + 2] = min(age[i] / units[2], 1.0)
+    return out
+
+
+@compiled
+def worth(
+    responded: bool, steps: int, distance: float, min_distance: float, max_steps: int
+) -> tuple[float, float, float, float, bool]:
+    """Reward terms of one finished service and whether it was perfect; see ``task.quality``."""
+    safety = -0.5 if min_distance < RISK else 0.0
+    if not responded:
+        return 0.0, 0.0, 0.0, safety, False
+    # one number falls on both sides of the proper distances
+    placed = min((distance - RISK) / (NEAREST - RISK), (2 * FARTHEST - distance) / FARTHEST, 1.0)
+    prompt = min((max_steps - steps) / (max_steps - LATE), 1.0)
+    proper = NEAREST <= distance <= FARTHEST and steps <= LATE and min_distance >= RISK
+    return 0.2, 0.5 * max(placed, 0.0), 0.3 * max(prompt, 0.0), safety, proper
+
+
+@compiled
+def quality(
+    responded: np.ndarray,
+    steps: np.ndarray,
+    distance: np.ndarray,
+    min_distance: np.ndarray,
+    max_steps: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of n services; see ``task.quality``."""
+    n = len(steps)
+    terms, perfect = np.empty((n, 4)), np.empty(n, np.bool_)
+    for i in range(n):
+        a, b, c, d, perfect[i] = worth(
+            responded[i], steps[i], distance[i], min_distance[i], max_steps
+        )
+        terms[i, 0], terms[i, 1], terms[i, 2], terms[i, 3] = a, b, c, d
+    return terms, perfect
+
+
+@compiled
+def finish(
+    ids: np.ndarray,
+    truth: Records,
+    perceived: Records,
+    facts: Records,
+    reward: np.ndarray,
+    max_steps: int,
+) -> None:
+    """Facts and rewards of the services of these lanes, which have ended.
+
+    Args:
+        ids: lanes, int [k].
+        truth: ``world.TRUTH``, [n].
+        perceived: ``lanes.PERCEIVED``, [n].
+        facts: ``episodes.FACTS``, [n], written at ``ids``.
+        reward: [n], written likewise.
+        max_steps: of a service.
+    """
+    for i in ids:
+        true, known, out = truth[i], perceived[i], facts[i]
+        responded = known.responded
+        out.responded = responded
+        out.response_step = true.steps if responded else np.nan
+        out.response_distance = true.distance if responded else np.nan
+        out.min_distance = true.min_distance
+        out.steps = true.steps
+        out.start_distance = true.start_distance
+        out.path_length = true.path_length
+        out.contact_steps = true.contact_steps
+        out.sensed_error = known.reading - true.distance
+        a, b, c, d, out.perfect = worth(
+            responded, true.steps, true.distance, true.min_distance, max_steps
+        )
+        out.reward_response, out.reward_distance = a, b
+        out.reward_promptness, out.reward_safety = c, d
+        reward[i] = a + b + c + d
+
+
+@compiled
+def place(
+    ids: np.ndarray,
+    at: np.ndarray,
+    rows: tuple[np.ndarray, Records, np.ndarray],
+    state: np.ndarray,
+    truth: Records,
+    sizes: np.ndarray,
+    geoms: np.ndarray,
+) -> None:
+    """Copy what begins services into simulations.
+
+    Args:
+        ids: simulations, int [k].
+        at: which of the rows, int [k].
+        rows: state [N, nstate], ``world.TRUTH`` [N] and radii of the guests [N, 12].
+        state: of the simulations, written, [n, nstate].
+        truth: written, [n].
+        sizes: of all geoms, written, [n, ngeom, 3].
+        geoms: footprints of the guests, [12].
+    """
+    for row, i in enumerate(ids):
+        j = at[row]
+        state[i] = rows[0][j]
+        truth[i] = rows[1][j]
+        for guest, geom in enumerate(geoms):
+            sizes[i, geom, 0] = rows[2][j, guest]
+
+
+@compiled
+def meet(
+    ids: np.ndarray,
+    at: np.ndarray,
+    rows: tuple[Records, np.ndarray],
+    perceived: Records,
+    noise: np.ndarray,
+) -> None:
+    """Copy what robots know when services begin, and the errors of their readings, into lanes.
+
+    Args:
+        ids: lanes, int [k].
+        at: which of the rows, int [k].
+        rows: ``lanes.PERCEIVED`` [N] and errors [N, K].
+        perceived: written, [n].
+        noise: written, [n, K].
+    """
+    for row, i in enumerate(ids):
+        perceived[i] = rows[0][at[row]]
+        noise[i] = rows[1][at[row]]
