@@ -1,0 +1,185 @@
+"""Chance-corrected gaps, standard errors and intervals: by hand, by enumeration, by statsmodels."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
+
+from evenhand.errors import InputError
+from evenhand.inference import chance
+from evenhand.issues import Counts
+
+NAN = np.nan
+
+
+def counts(*cells) -> Counts:
+    """Cells (n, x, m, y) as groups of one issue."""
+    columns = np.array(cells, float).T[..., None]
+    return Counts(*columns)
+
+
+class TestSquaredGap:
+    def test_by_hand(self):
+        # (2/4 − 1/5)² − .25/3 − .16/4
+        found = chance.squared_gap(counts((4, 2, 5, 1)))
+        np.testing.assert_allclose(found, [[0.09 - 0.25 / 3 - 0.04]])
+
+    @pytest.mark.parametrize(("n", "m", "p", "q"), [(2, 5, 0.3, 0.3), (4, 3, 0.9, 0.2)])
+    def test_its_mean_over_all_outcomes_is_the_true_square(self, n, m, p, q):
+        mean = 0.0
+        for x, y in itertools.product(range(n + 1), range(m + 1)):
+            weight = binom.pmf(x, n, p) * binom.pmf(y, m, q)
+            mean += weight * chance.squared_gap(counts((n, x, m, y)))[0, 0]
+        assert mean == pytest.approx((p - q) ** 2, abs=1e-12)
+
+    @pytest.mark.parametrize("cell", [(1, 1, 9, 3), (9, 3, 1, 0), (0, 0, 9, 3), (0, 0, 0, 0)])
+    def test_with_fewer_than_two_on_a_side_it_is_missing(self, cell):
+        assert np.isnan(chance.squared_gap(counts(cell))).all()
+
+    def test_the_score_averages_first_and_clips_last(self):
+        squared = np.array([[0.09, -0.5], [-0.05, 0.1], [NAN, NAN]])
+        np.testing.assert_allclose(chance.corrected_issue_score(squared), [np.sqrt(0.02), 0.0])
+        windows = np.stack([squared, squared + 0.2])
+        pooled = chance.corrected_issue_score(windows, axis=(0, 1))
+        np.testing.assert_allclose(pooled, [np.sqrt(0.12), 0.0])
+
+    def test_a_score_of_nothing_is_missing(self):
+        assert np.isnan(chance.corrected_issue_score(np.full((3, 2), NAN))).all()
+
+    def test_scores_by_identity(self):
+        groups = [("one", "a"), ("one", "b"), ("two", "c")]
+        found = chance.corrected_scores(
+            counts((4, 4, 4, 0), (4, 2, 4, 2), (1, 1, 7, 3)), groups, ["late"]
+        )
+        # squares: 1; 0 − 2 · .25/3; missing
+        np.testing.assert_allclose(found.overall, [np.sqrt((1 - 0.5 / 3) / 2)])
+        np.testing.assert_allclose(found.by_identity["one"], found.overall)
+        assert np.isnan(found.by_identity["two"]).all()
+        np.testing.assert_array_equal(found.gap, [[1], [0], [NAN]])
+        np.testing.assert_array_equal(found.missing, [1])
+
+
+class TestExcess:
+    @pytest.mark.parametrize("sizes", [(3, 1, 4, 2), (1, 0, 5, 2), (2, 2, 5, 3), (4, 0, 2, 0)])
+    def test_the_even_gap_is_the_mean_over_all_assignments(self, sizes):
+        n, x, m, y = sizes
+        drawn = [
+            abs(sum(i < x + y for i in who) / n - (x + y - sum(i < x + y for i in who)) / m)
+            for who in itertools.combinations(range(n + m), n)
+        ]
+        assert chance.even_gaps(counts(sizes))[0, 0] == pytest.approx(np.mean(drawn), abs=1e-12)
+
+    def test_the_published_size_of_the_bias(self):
+        # sqrt(2/π) sqrt(p(1−p)(1/n + 1/m)) for large windows.
+        found = chance.even_gaps(counts((20000, 6000, 30000, 9000)))[0, 0]
+        assert found == pytest.approx(np.sqrt(2 / np.pi * 0.21 * (1 / 2e4 + 1 / 3e4)), rel=1e-3)
+
+    def test_scores_are_the_difference(self):
+        found = chance.excess_scores(counts((1, 1, 1, 0), (1, 0, 1, 0)), [("a", "b")] * 2, ["k"])
+        # With one on each side and one issue, chance alone gives 1; with none, 0.
+        np.testing.assert_allclose(found.gap, [[0], [0]], atol=1e-12)
+        wide = chance.excess_scores(counts((2, 2, 2, 0)), [("a", "b")], ["k"])
+        np.testing.assert_allclose(wide.overall, [1 - 2 / 6])  # 1, 1 or four times 0
+
+    def test_an_empty_side_is_missing(self):
+        assert np.isnan(chance.even_gaps(counts((0, 0, 5, 2), (5, 2, 0, 0)))).all()
+
+    def test_it_needs_whole_numbers(self):
+        with pytest.raises(InputError, match="whole numbers"):
+            chance.even_gaps(counts((1.5, 1, 2, 1)))
+
+
+class TestShrinking:
+    def test_the_standard_error_by_hand(self):
+        found = chance.standard_error(counts((2, 1, 6, 1)))
+        np.testing.assert_allclose(found, [[np.sqrt(0.25 / 4 + 0.25 * 0.75 / 8)]])
+
+    def test_three_of_three_is_not_certain(self):
+        assert chance.standard_error(counts((3, 3, 3, 0)))[0, 0] > 0.2
+
+    def test_large_counts_give_the_plain_formula(self):
+        found = chance.standard_error(counts((1e6, 3e5, 2e6, 4e5)))
+        np.testing.assert_allclose(found, np.sqrt(0.21 / 1e6 + 0.16 / 2e6), rtol=1e-5)
+
+    def test_both_ways_by_hand(self):
+        cell = counts((2, 0, 6, 3))
+        se = np.sqrt(0.25 * 0.75 / 4 + 0.25 / 8)
+        np.testing.assert_allclose(chance.shrunk_gaps(cell), [[-(0.5 - se)]])
+        stein = chance.shrunk_gaps(cell, strength=0.5, way="james_stein")
+        np.testing.assert_allclose(stein, [[-0.5 * (1 - 0.25 * se**2 / 0.25)]])
+        np.testing.assert_allclose(chance.shrunk_gaps(cell, strength=0.0), [[-0.5]])
+
+    @pytest.mark.parametrize("way", chance.WAYS)
+    def test_gaps_within_their_error_become_0_and_missing_stays_missing(self, way):
+        found = chance.shrunk_gaps(counts((5, 2, 5, 3), (5, 2, 5, 2), (0, 0, 5, 1)), way=way)
+        np.testing.assert_array_equal(found, [[0], [0], [NAN]])
+
+    def test_wrong_settings(self):
+        cell = counts((2, 0, 6, 3))
+        for strength in (-0.1, np.inf, NAN):
+            with pytest.raises(InputError, match="strength"):
+                chance.shrunk_gaps(cell, strength)
+        with pytest.raises(InputError, match="did you mean 'threshold'"):
+            chance.shrunk_gaps(cell, way="treshold")  # codespell:ignore
+
+
+CELLS = [(70, 56, 80, 48), (10, 9, 10, 3), (10, 0, 20, 0), (5, 5, 7, 0), (3, 0, 900, 400)]
+
+
+class TestIntervals:
+    def test_newcombe_s_own_example(self):
+        # 56/70 − 48/80, Newcombe 1998, table II, method 10.
+        low, high = chance.newcombe(counts((70, 56, 80, 48)))
+        assert (round(low.item(), 4), round(high.item(), 4)) == (0.0524, 0.3339)
+
+    @pytest.mark.parametrize("level", [0.5, 0.95, 0.9994])
+    def test_against_statsmodels(self, level):
+        low, high = chance.newcombe(counts(*CELLS), level)
+        for cell, found in zip(CELLS, np.stack([low, high], -1)[:, 0], strict=True):
+            n, x, m, y = cell
+            expected = confint_proportions_2indep(x, n, y, m, method="newcomb", alpha=1 - level)
+            np.testing.assert_allclose(found, expected, atol=1e-12)
+
+    def test_wilson_against_statsmodels(self):
+        x, n = np.array([0, 3, 10, 1]), np.array([10, 10, 10, 4000])
+        expected = proportion_confint(x, n, alpha=0.1, method="wilson")
+        np.testing.assert_allclose(chance.wilson(x, n, 0.9), expected, atol=1e-12)
+
+    def test_an_empty_side_has_no_interval(self):
+        for limit in chance.newcombe(counts((0, 0, 5, 1), (5, 1, 0, 0), (0, 0, 0, 0))):
+            assert np.isnan(limit).all()
+
+    @pytest.mark.parametrize("level", [0.0, 1.0, -1, NAN])
+    def test_a_level_outside_0_to_1(self, level):
+        with pytest.raises(InputError, match="level is"):
+            chance.newcombe(counts((70, 56, 80, 48)), level)
+
+
+@pytest.mark.parametrize("cell", [(4, -1, 5, 2), (4, 5, 5, 2), (NAN, 1, 5, 2), (4, 1, np.inf, 2)])
+@pytest.mark.parametrize(
+    "compute",
+    [
+        chance.squared_gap,
+        chance.even_gaps,
+        chance.standard_error,
+        chance.shrunk_gaps,
+        chance.newcombe,
+    ],
+)
+def test_counts_that_cannot_be(cell, compute):
+    with pytest.raises(InputError, match="0 <= issues <= services"):
+        compute(counts(cell))
+
+
+def test_many_windows_at_once():
+    one, two = counts((4, 2, 5, 1), (6, 3, 3, 0)), counts((9, 2, 5, 1), (6, 6, 8, 0))
+    stacked = Counts(
+        np.stack([one.inside_n, two.inside_n]),
+        np.stack([one.inside_x, two.inside_x]),
+        np.stack([one.outside_n, two.outside_n]),
+        np.stack([one.outside_x, two.outside_x]),
+    )
+    for compute in (chance.squared_gap, chance.even_gaps, chance.shrunk_gaps):
+        np.testing.assert_array_equal(compute(stacked), np.stack([compute(one), compute(two)]))
