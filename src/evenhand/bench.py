@@ -133,7 +133,13 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
     lanes = Lanes(_SERVICES, settings)
     ids = np.arange(_SERVICES)
     setups = layout.draw(people.population("uniform"), _SERVICES, rng)
-    chances = senses.draw(senses.SenseSettings(), _SERVICES, settings.decisions + 1, rng)
+    chances = senses.draw(
+        senses.SenseSettings(),
+        setups.asking,
+        settings.decisions + 1,
+        _INTERVAL * plan.TIMESTEP,
+        rng,
+    )
     lanes.begin(ids, lanes.prepare(setups, chances), ids)
     kept = []
     for lane in ids:

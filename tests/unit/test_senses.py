@@ -10,9 +10,19 @@ from evenhand.restaurant.lanes import PERCEIVED, Lanes
 from evenhand.restaurant.senses import SenseSettings
 
 
+def draw(settings: SenseSettings, n: int, readings: int) -> senses.Chances:
+    rng = np.random.default_rng(3)
+    codes = people.sample(people.population("uniform"), n, rng)
+    return senses.draw(settings, codes, readings, 0.1, rng)
+
+
+def person(age: int = 2, disability: int = 1, skin: int = 0) -> list[int]:
+    return [0, 0, age, disability, skin]
+
+
 class TestDraws:
     def test_noise_and_failures_have_the_sizes_that_were_set(self):
-        drawn = senses.draw(SenseSettings(0.05, 0.1), 2000, 61, np.random.default_rng(3))
+        drawn = draw(SenseSettings(0.05, 0.1), 2000, 61)
         assert drawn.noise.shape == drawn.fails.shape == (2000, 61)
         n = drawn.noise.size
         assert drawn.noise.std() == pytest.approx(0.05, rel=4 / np.sqrt(2 * n))
@@ -21,7 +31,7 @@ class TestDraws:
         assert rate == pytest.approx(0.1, abs=4 * np.sqrt(0.09 / drawn.fails[:, 1:].size))
 
     def test_the_first_reading_never_fails(self):
-        drawn = senses.draw(SenseSettings(0.0, 0.99), 500, 5, np.random.default_rng(3))
+        drawn = draw(SenseSettings(0.0, 0.99), 500, 5)
         assert not drawn.fails[:, 0].any()
         assert drawn.fails[:, 1:].mean() > 0.9
 
@@ -29,7 +39,7 @@ class TestDraws:
         assert SenseSettings() == SenseSettings(noise=0.01, dropout=0.02)
 
     def test_a_perfect_sensor(self):
-        drawn = senses.draw(SenseSettings(0.0, 0.0), 10, 5, np.random.default_rng(3))
+        drawn = draw(SenseSettings(0.0, 0.0), 10, 5)
         assert not drawn.fails.any()
         assert not drawn.noise.any()
 
@@ -38,15 +48,82 @@ class TestDraws:
         with pytest.raises(InputError, match=r"noise is .*: give metres between 0 and 1"):
             SenseSettings(noise=noise)
 
+    @pytest.mark.parametrize("perception", [-0.01, 1.01, np.nan])
+    def test_impossible_perception(self, perception):
+        with pytest.raises(InputError, match=r"perception is .*: give a strength from 0 to 1"):
+            SenseSettings(perception=perception)
+
     @pytest.mark.parametrize("dropout", [-0.01, 1.0, np.nan])
     def test_impossible_dropout(self, dropout):
         with pytest.raises(InputError, match=r"dropout is .*: give a probability below 1"):
             SenseSettings(dropout=dropout)
 
 
+class TestPerception:
+    ADULT, CHILD, DARK, WHEELCHAIR = (
+        person(), person(age=0), person(skin=5), person(disability=0),
+    )  # fmt: skip
+
+    def test_the_shares_of_the_sources(self):
+        both = person(age=0, skin=5)
+        codes = np.array([self.ADULT, self.CHILD, self.DARK, both, person(skin=3), person(skin=4)])
+        # 1 - 0.8 * 0.7
+        assert senses.missed(1.0, codes) == pytest.approx([0.0, 0.2, 0.3, 0.44, 0.06, 0.18])
+        # 1 - 0.9 * 0.85
+        assert senses.missed(0.5, codes[1:4]) == pytest.approx([0.1, 0.15, 0.235])
+        assert senses.missed(0.0, codes).tolist() == [0.0] * 6
+
+    def test_apparent_height(self):
+        codes = np.array([self.ADULT, self.CHILD, self.WHEELCHAIR])
+        # 1.68 / 1.28 and 1.61 / 1.21
+        assert senses.mean_stretch(1.0, codes) == pytest.approx([1.0, 1.3125, 1.330579])
+        assert senses.mean_stretch(0.5, codes) == pytest.approx([1.0, 1.145644, 1.153507])
+        assert senses.mean_stretch(0.0, codes).tolist() == [1.0] * 3
+
+    def test_people_differ_in_height(self):
+        codes = np.array([self.ADULT] * 4000)
+        settings = SenseSettings(perception=1.0)
+        drawn = senses.draw(settings, codes, 2, 0.1, np.random.default_rng(5))
+        assert np.log(drawn.stretch).std() == pytest.approx(0.057, rel=4 / np.sqrt(8000))
+        assert np.median(drawn.stretch) == pytest.approx(1.0, abs=0.005)
+
+    @pytest.mark.parametrize("elapsed", [0.02, 0.1])
+    def test_a_child_is_missed_more_often_than_an_adult_by_the_stated_amount(self, elapsed):
+        n, readings = 3000, 61
+        settings = SenseSettings(0.01, 0.0, perception=1.0)
+        missed = {}
+        for name, one in (("adult", self.ADULT), ("child", self.CHILD), ("dark", self.DARK)):
+            codes = np.array([one] * n)
+            fails = senses.draw(settings, codes, readings, elapsed, np.random.default_rng(7)).fails
+            missed[name] = fails[:, 1:]
+            assert not fails[:, 0].any()
+        assert not missed["adult"].any()
+        # runs of 0.5 s: so many times fewer independent readings
+        error = np.sqrt(0.25 / (n * readings * elapsed / (2 * 0.5)))
+        assert missed["child"].mean() == pytest.approx(0.20, abs=4 * error)
+        assert missed["dark"].mean() == pytest.approx(0.30, abs=4 * error)
+
+    def test_runs_last_half_a_second(self):
+        codes = np.array([self.CHILD] * 4000)
+        settings = SenseSettings(0.01, 0.0, perception=1.0)
+        fails = senses.draw(settings, codes, 400, 0.1, np.random.default_rng(9)).fails[:, 1:]
+        begins = (fails[:, 1:] & ~fails[:, :-1]).sum()
+        assert fails.sum() / begins == pytest.approx(5.0, rel=0.03)
+
+    def test_without_it_nothing_depends_on_the_person(self):
+        rng = [np.random.default_rng(3), np.random.default_rng(3)]
+        codes = np.array([self.ADULT] * 50), np.array([self.CHILD] * 50)
+        a, b = (
+            senses.draw(SenseSettings(), c, 61, 0.1, r) for c, r in zip(codes, rng, strict=True)
+        )
+        np.testing.assert_array_equal(a.fails, b.fails)
+        assert (b.stretch == 1.0).all()
+
+
 class TestReading:
     def test_by_hand(self):
         lanes = np.zeros(5, PERCEIVED)
+        lanes["stretch"] = [1.0, 1.0, 1.0, 1.0, 1.0]
         lanes["reading"], lanes["age"] = [2.5, 2.5, 0.1, 3.3, 9.0], [0.3, 0.0, 0.0, 0.2, 9.0]
         noise = np.full((5, 4), 9.0)
         noise[:4, 3] = [0.1, np.nan, -0.2, np.nan]  # the timer shows step 15, so reading 3
@@ -66,7 +143,7 @@ class TestLanes:
         settings = task.TaskSettings(interval)
         setups = layout.draw(people.population("uniform"), 1, np.random.default_rng(2))
         lanes, one = Lanes(1, settings), np.zeros(1, np.int64)
-        chances = senses.Chances(np.array([noise]), np.array([fails]))
+        chances = senses.Chances(np.array([noise]), np.array([fails]), np.ones(1))
         lanes.begin(one, lanes.prepare(setups, chances), one)
         known, truth = lanes.perceived[0], lanes.world.truth[0]
         out = [(known["reading"], known["age"], truth["distance"])]
@@ -99,6 +176,6 @@ class TestLanes:
         lanes, ids = Lanes(3, settings), np.arange(3)
         noise = np.tile([[0.1], [-0.2], [0.0]], (1, 31))
         fails = np.zeros((3, 31), bool)
-        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails)), ids)
+        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails, np.ones(3))), ids)
         lanes.respond(ids)
         assert lanes.facts(ids).sensed_error == pytest.approx([0.1, -0.2, 0.0])

@@ -36,7 +36,7 @@ _SERVICES = re.compile(r"(\d{6,})-(\d{6,})\.parquet")
 
 def versions() -> dict[str, str]:
     """Versions of what decides results."""
-    names = ("evenhand", "mujoco", "numpy", "jax", "equinox", "optax", "scikit-learn")
+    names = ("evenhand", "mujoco", "numba", "numpy", "jax", "equinox", "optax", "scikit-learn")
     return {"python": platform.python_version()} | {name: version(name) for name in names}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from evenhand import people
 from evenhand.errors import unknown
-from evenhand.restaurant import kernels, layout, plan, senses, task
+from evenhand.restaurant import kernels, layout, needs, plan, senses, task
 from evenhand.restaurant.lanes import Beginning, Lanes
 from evenhand.restaurant.world import Rows
 
@@ -27,17 +27,22 @@ class RestaurantSettings:
         interval: physics steps of 0.02 s from one decision to the next.
         noise: standard deviation of a distance reading, metres.
         dropout: probability that a reading fails, the same for every person.
+        perception: 0 to 1, how much sensing depends on the person, see ``senses``.
+        needs: 0 to 1, how much some people need another service, see ``needs``.
     """
 
     population: str = "uniform"
     interval: int = 5
     noise: float = senses.SenseSettings.noise
     dropout: float = senses.SenseSettings.dropout
+    perception: float = 0.0
+    needs: float = 0.0
 
     def __post_init__(self) -> None:
         people.population(self.population)
         task.TaskSettings(self.interval)
-        senses.SenseSettings(self.noise, self.dropout)
+        senses.SenseSettings(self.noise, self.dropout, self.perception)
+        needs.NeedSettings(self.needs)
 
 
 class Source:
@@ -45,8 +50,10 @@ class Source:
 
     def __init__(self, lanes: Lanes, settings: RestaurantSettings) -> None:
         self._population = people.population(settings.population)
-        self._sense = senses.SenseSettings(settings.noise, settings.dropout)
+        self._sense = senses.SenseSettings(settings.noise, settings.dropout, settings.perception)
+        self._needs = needs.NeedSettings(settings.needs)
         self._readings = task.TaskSettings(settings.interval).decisions + 1
+        self._elapsed = settings.interval * plan.TIMESTEP
         self._lanes = lanes
         self._drawn: list[layout.Setups | None] = [None] * lanes.n
         self._store: Beginning | None = None
@@ -75,8 +82,9 @@ class Source:
 
     def _draw(self, lane: int, rng: np.random.Generator) -> None:
         setups = layout.draw(self._population, _BLOCK, rng)
-        chances = senses.draw(self._sense, _BLOCK, self._readings, rng)
-        block = self._lanes.prepare(setups, chances)
+        chances = senses.draw(self._sense, setups.asking, self._readings, self._elapsed, rng)
+        wanted = needs.draw(self._needs, setups.asking, rng)
+        block = self._lanes.prepare(setups, chances, wanted)
         every = self._lanes.n * _BLOCK
         if self._store is None:
             self._store = Beginning(

@@ -47,6 +47,19 @@ def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Record
 
 
 @compiled
+def answer(ids: np.ndarray, truth: Records) -> None:
+    """A response in these lanes, which is one if the person notices it.
+
+    Args:
+        ids: lanes, int [k].
+        truth: ``world.TRUTH``, [n], written.
+    """
+    for i in ids:
+        lane = truth[i]
+        lane.responded = lane.room <= lane.distance <= lane.reach and lane.steps >= lane.signal
+
+
+@compiled
 def read(
     ids: np.ndarray,
     seen: np.ndarray,
@@ -77,7 +90,7 @@ def read(
         if np.isnan(error):
             lane.age += interval * timestep
         else:
-            lane.reading = max(np.hypot(seen[i, 0], seen[i, 1]) + error, 0.0)
+            lane.reading = max(lane.stretch * np.hypot(seen[i, 0], seen[i, 1]) + error, 0.0)
             lane.age = 0.0
 
 
@@ -158,7 +171,7 @@ def finish(
     """
     for i in ids:
         true, known, out = truth[i], perceived[i], facts[i]
-        responded = known.responded
+        responded = true.responded
         out.responded = responded
         out.response_step = true.steps if responded else np.nan
         out.response_distance = true.distance if responded else np.nan

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evenhand.restaurant import kernels, layout, plan, senses, task
+from evenhand.restaurant import kernels, layout, needs, plan, senses, task
 from evenhand.restaurant.world import Rows, World
 
 PERCEIVED = np.dtype(
@@ -16,7 +16,7 @@ PERCEIVED = np.dtype(
         ("reading", float),
         ("age", float),
         ("steps", np.int64),
-        ("responded", bool),
+        ("stretch", float),
     ],
     align=True,
 )
@@ -24,7 +24,7 @@ PERCEIVED = np.dtype(
 
 ``one_hot``: identities of the person who asks; ``reading``: distance as last sensed, metres;
 ``age``: of that reading, seconds; ``steps``: physics steps since the service began, by the timer;
-``responded``: whether it has.
+``stretch``: what its sensor makes of a distance of 1, which it does not know.
 """
 
 
@@ -33,7 +33,7 @@ class Facts:
     """True facts of N finished services, one entry each.
 
     Attributes:
-        responded: bool.
+        responded: bool; a response that was not noticed is none.
         steps: physics steps until the end, int64.
         distance: true distance at the end, metres.
         min_distance: least true distance at any step, metres.
@@ -103,14 +103,18 @@ class Lanes:
         self._all = np.arange(n)
         self._noise = np.zeros((n, settings.decisions + 1))
 
-    def prepare(self, setups: layout.Setups, chances: senses.Chances) -> Beginning:
+    def prepare(
+        self, setups: layout.Setups, chances: senses.Chances, wanted: needs.Needs | None = None
+    ) -> Beginning:
         """What begins N services, ready to be copied into lanes; see ``begin``."""
         perceived = np.zeros(len(setups), PERCEIVED)
         perceived["one_hot"] = setups.one_hot
         # of a robot at rest, so that the sensor's age of one step makes no difference
-        perceived["reading"] = np.maximum(setups.start_distance + chances.noise[:, 0], 0.0)
+        seen = setups.start_distance * chances.stretch + chances.noise[:, 0]
+        perceived["reading"] = np.maximum(seen, 0.0)
+        perceived["stretch"] = chances.stretch
         noise = np.where(chances.fails, np.nan, chances.noise)
-        return Beginning(self.world.prepare(setups), perceived, noise)
+        return Beginning(self.world.prepare(setups, wanted), perceived, noise)
 
     def begin(self, ids: np.ndarray, services: Beginning, at: np.ndarray) -> None:
         """Begin a service in each of these lanes.
@@ -135,8 +139,8 @@ class Lanes:
         )
 
     def respond(self, ids: np.ndarray) -> None:
-        """End the services of these lanes, by index or mask, with a response."""
-        self.perceived["responded"][ids] = True
+        """End the services of these lanes with a response, which may go unnoticed (``needs``)."""
+        kernels.answer(ids, self.world.truth)
 
     def walk(self, ids: np.ndarray) -> np.ndarray:
         """Drive until the next decision.
@@ -158,7 +162,7 @@ class Lanes:
         """Facts of the services of these lanes, which have ended."""
         truth, known = self.world.truth[ids], self.perceived[ids]
         return Facts(
-            responded=known["responded"],
+            responded=truth["responded"],
             steps=truth["steps"],
             distance=truth["distance"],
             min_distance=truth["min_distance"],

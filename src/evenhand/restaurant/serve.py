@@ -13,7 +13,7 @@ import numpy as np
 
 from evenhand import people
 from evenhand.interactions import Interactions
-from evenhand.restaurant import layout, senses, task
+from evenhand.restaurant import layout, needs, plan, senses, task
 from evenhand.restaurant.lanes import Facts, Lanes
 
 Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -47,6 +47,7 @@ def serve(
     robot: Robot,
     rng: np.random.Generator,
     sense: senses.SenseSettings,
+    wanted: needs.NeedSettings | None = None,
 ) -> Services:
     """Run every set-up to the end of its service.
 
@@ -56,9 +57,12 @@ def serve(
         robot: who serves.
         rng: randomness of readings and of actions.
         sense: the distance sensor.
+        wanted: who needs another service; nobody by default.
     """
     total, length = len(setups), lanes.settings.decisions
-    chances = senses.draw(sense, total, length + 1, rng)
+    elapsed = lanes.settings.interval * plan.TIMESTEP
+    chances = senses.draw(sense, setups.asking, length + 1, elapsed, rng)
+    people_need = needs.draw(wanted or needs.NeedSettings(), setups.asking, rng)
     uniform = rng.random((total, length))
     observation = np.zeros((total, length, task.OBSERVATION_SIZE), np.float32)
     action = np.zeros((total, length), np.int32)
@@ -67,7 +71,7 @@ def serve(
     for first in range(0, total, lanes.n):
         rows = slice(first, min(first + lanes.n, total))
         ids = np.arange(rows.stop - rows.start)
-        lanes.begin(ids, lanes.prepare(setups[rows], chances[rows]), ids)
+        lanes.begin(ids, lanes.prepare(setups[rows], chances[rows], people_need[rows]), ids)
         active = ids
         for k in range(length):
             seen = lanes.observe(active)

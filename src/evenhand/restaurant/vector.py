@@ -115,7 +115,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         info: dict[str, Any] = {}
         ended = responds & ~idle
         walks = (~(responds | idle)).nonzero()[0]
-        self._lanes.respond(ended)
+        self._lanes.respond(ended.nonzero()[0])
         if len(walks):
             ended[walks] = self._lanes.walk(walks)
         if waiting:

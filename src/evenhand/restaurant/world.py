@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from evenhand.restaurant import kernels, layout, plan, route, scene
+from evenhand.restaurant import kernels, layout, needs, plan, route, scene
 
 _PLACED = ("qpos", "mocap_pos", "mocap_quat")
 _STEERED = 5
@@ -30,6 +30,10 @@ TRUTH = np.dtype(
         ("path_length", float),
         ("contact_steps", np.int64),
         ("steps", np.int64),
+        ("room", float),
+        ("reach", float),
+        ("signal", float),
+        ("responded", bool),
     ],
     align=True,
 )
@@ -40,7 +44,8 @@ seat's front is passed; ``robot``: where it was last seen; ``last`` and ``next``
 the person and the one driven to; ``stop``: distance at which ``walk`` stops; ``start_distance``,
 ``distance``, ``min_distance``: of robot and person at the start, now, and at the least;
 ``path_length``: driven so far; ``contact_steps``: physics steps in which the robot touched
-anything; ``steps``: since the service began.
+anything; ``steps``: since the service began; ``room``, ``reach``, ``signal``: see ``needs.Needs``;
+``responded``: whether a response was noticed.
 """
 
 
@@ -111,8 +116,13 @@ class World:
         """Seconds since the service began by the timer, [n]; one physics step old likewise."""
         return self._sensor[:, scene.SENSOR_TIMER]
 
-    def prepare(self, setups: layout.Setups) -> Rows:
-        """What begins these services, ready to be copied into any simulation."""
+    def prepare(self, setups: layout.Setups, wanted: needs.Needs | None = None) -> Rows:
+        """What begins these services, ready to be copied into any simulation.
+
+        Args:
+            setups: N services.
+            wanted: when the people notice a response; by default always.
+        """
         n = len(setups)
         state = np.repeat(self._fresh, n, axis=0)
         for name, values in (
@@ -127,6 +137,10 @@ class World:
         truth["stop"] = setups.radius[:, 0] + plan.ROBOT_RADIUS + plan.STAND_OFF
         for name in ("start_distance", "distance", "min_distance"):
             truth[name] = setups.start_distance
+        truth["reach"] = np.inf
+        if wanted is not None:
+            truth["room"], truth["reach"] = wanted.room, wanted.reach
+            truth["signal"] = wanted.signal
         return Rows(state, setups.radius, truth)
 
     def place(self, ids: np.ndarray, rows: Rows, at: np.ndarray) -> None:
