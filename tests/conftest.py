@@ -1,7 +1,15 @@
-"""What every test starts from: the same examples each time, one CPU, nothing skipped in CI."""
+"""What tests share: the same examples each time, one CPU, nothing skipped in CI, and commands."""
 
+import contextlib
 import os
-from collections.abc import Callable
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -31,3 +39,156 @@ def require() -> Callable[[bool, str], None]:
         pytest.skip(f"this machine lacks {what}")
 
     return check
+
+
+# --- commands, in this process or in one of their own ---
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def complaint(self) -> str:
+        """The one sentence on standard error of a command that refused its input."""
+        assert (self.code, self.out) == (2, ""), self
+        assert self.err.startswith("evenhand: "), self
+        assert self.err.endswith("\n"), self
+        assert self.err.count("\n") == 1, self
+        assert "Traceback" not in self.err, self
+        return self.err.removeprefix("evenhand: ").rstrip()
+
+
+def running(group: int | None = None, *, parent: int | None = None) -> list[str]:
+    """Commands of the processes that run in a group, or are children of a parent.
+
+    The resource tracker of multiprocessing is left out: it belongs to the interpreter, and sees by
+    itself that its parent has ended.
+    """
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, its_parent, its_group = stat.read_text().rsplit(")", 1)[1].split()[:3]
+            command = (stat.parent / "cmdline").read_text().replace("\0", " ")
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        # without a command line it has given back its memory and is about to be gone
+        ended = state == "Z" or not command
+        wanted = int(its_group) == group or int(its_parent) == parent
+        if wanted and not ended and "resource_tracker" not in command:
+            found.append(command)
+    return found
+
+
+@dataclass(frozen=True)
+class Apart:
+    """The command line, or another program, in processes of their own."""
+
+    program: tuple[str, ...] = (
+        sys.executable,
+        "-c",
+        "import sys; from evenhand.cli import main; sys.exit(main())",
+    )
+
+    def __call__(self, *words: object, **options: Any) -> Ended:
+        """Run a command to its end."""
+        done = subprocess.run(
+            [*self.program, *map(str, words)],
+            **{"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "check": False}
+            | options,
+        )
+        return Ended(done.returncode, done.stdout or "", done.stderr or "")
+
+    def with_small_files(self, largest: int, *words: object) -> Ended:
+        """Run a command that can write files of so many bytes at most, as on a full disk."""
+        return self.of("prlimit", f"--fsize={largest}", *self.program)(*words)
+
+    def of(self, *program: object) -> "Apart":
+        """Another program instead."""
+        return replace(self, program=tuple(map(str, program)))
+
+    def start(self, *words: object, **options: Any) -> subprocess.Popen[str]:
+        """Start a command; its processes are a group of their own, as in a shell."""
+        return subprocess.Popen(
+            [*self.program, *map(str, words)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,
+            **options,
+        )
+
+    @contextlib.contextmanager
+    def at_work(
+        self, *words: object, when: Callable[[], object], **options: Any
+    ) -> Iterator[subprocess.Popen[str]]:
+        """A command that has got so far; what is left of its group in the end is killed.
+
+        Args:
+            words: of the command.
+            when: whether it has; asked again and again.
+            options: of the process.
+        """
+        process = self.start(*words, **options)
+        try:
+            while not when():
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.02)
+            yield process
+        finally:
+            if running(process.pid):
+                with contextlib.suppress(ProcessLookupError):  # gone in between
+                    os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+
+    def interrupt(self, process: subprocess.Popen[str]) -> Ended:
+        """Ctrl-C, which every process of a terminal's command hears; returns how it ended."""
+        os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate()
+        return Ended(process.returncode, out, err)
+
+
+@pytest.fixture(scope="session")
+def apart() -> Apart:
+    """``apart("train", "--out", folder)`` runs a command in a process of its own."""
+    return Apart()
+
+
+@pytest.fixture(scope="session")
+def alive() -> Callable[..., list[str]]:
+    """``alive(group)`` or ``alive(parent=number)``: commands of the processes that still run."""
+    return running
+
+
+@pytest.fixture
+def cli(capfd, monkeypatch, tmp_path) -> Callable[..., Ended]:
+    """``cli("train", "--out", folder)`` runs a command in this process, in a folder of its own."""
+    from evenhand.cli import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: object) -> Ended:
+        capfd.readouterr()
+        code = main([str(word) for word in words])
+        return Ended(code, *capfd.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def content() -> Callable[[Path], dict[str, bytes]]:
+    """``content(folder)``: every file in it by its name, but for locks."""
+
+    def read(folder: Path) -> dict[str, bytes]:
+        return {
+            str(path.relative_to(folder)): path.read_bytes()
+            for path in sorted(folder.rglob("*"))
+            if path.is_file() and path.name != ".lock"
+        }
+
+    return read

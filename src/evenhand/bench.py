@@ -168,7 +168,8 @@ class _Records:
 
     def add(self, facts: dict[str, np.ndarray], ended: np.ndarray) -> int:
         """Keep the facts of the lanes that ended; returns how many did."""
-        self._kept.append({name: facts[name][ended] for name in _KEPT})
+        done = ended.nonzero()[0]
+        self._kept.append({name: facts[name][done] for name in _KEPT})
         count = len(self._kept[-1]["responded"])
         self._waiting += count
         if self._waiting >= WINDOW:

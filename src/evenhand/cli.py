@@ -24,6 +24,7 @@ COMMANDS = {
     "train": ("train.Train", "train one robot in a run folder; run it again to resume"),
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
     "demos": ("demos.Demos", "let scripted robots serve, and simulated respondents judge them"),
+    "calibrate": ("calibrate.Calibrate", "search odds that bring robots near the paper's scores"),
     "detect": ("", "fit the detector to judgements, or judge services and issue scores"),
     "bench": ("bench.Bench", "measure the speed of the environment and of an epoch"),
 }

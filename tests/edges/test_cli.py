@@ -1,13 +1,8 @@
-"""Wrong words: one sentence, code 2, nothing written. And what the command line shows."""
+"""Wrong words: one sentence, code 2, nothing written. And what the command line explains."""
 
-import csv
-import json
 import os
-import pty
 import re
-import subprocess
 import sys
-from contextlib import suppress
 from dataclasses import fields
 from importlib import import_module
 
@@ -58,6 +53,11 @@ UNKNOWN = [
     ((*EVEN, "--population", "usa"), "unknown population 'usa': did you mean 'us'?"),
     (("evaluate", "--robot", "racst"), "unknown robot 'racst': did you mean 'racist'?"),
     (
+        ("calibrate", "--robot", "agist"),
+        "'agist': did you mean 'ageist'? choose one of all, racist",
+    ),
+    (("calibrate", "--robot", "sexist"), "unknown robot with a signature in the paper 'sexist'"),
+    (
         ("detect", "fit", "--answers", "a", "--out", "b", "--source", "respondent"),
         "unknown source 'respondent': did you mean 'respondents'?",
     ),
@@ -94,6 +94,10 @@ NUMBERS = [
     ((*EVEN, "--seed", "-1"), "seed is -1: give a whole number from 0 to 4294967295"),
     ((*EVEN, "--strength", "1.01"), "strength of the even robot is 1.01: give 0 to 1"),
     ((*EVEN, "--strength", "nan"), "strength of the even robot is nan: give 0 to 1"),
+    (("calibrate", "--seed", "-1"), "seed is -1: give a whole number from 0 to 4294967295"),
+    (("calibrate", "--rounds", "0"), "rounds is 0: give a whole number from 1 to 1000"),
+    (("calibrate", "--services", "29"), "services is 29: give a whole number from 30 to 100000"),
+    (("calibrate", "--windows", "19"), "windows is 19: give a whole number from 20 to 10000"),
     (("bench", "--seconds", "nan"), "seconds is nan: give 0.01 to 600"),
     (("bench", "--seconds", "0"), "seconds is 0.0: give 0.01 to 600"),
     (("detect", "judge", "--scores", "0", "0", "0", "x"), "--scores is 'x': give a number"),
@@ -152,6 +156,55 @@ def test_any_words_are_understood_or_refused(words, rest, capsys):
     assert (shown.out, shown.err) == ("", "")
 
 
+# --- targets ---
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("x.txt", "x.txt does not end in .parquet or .csv: give such a file"),
+        ("file/x.csv", "file is a file, not a folder: give another one"),
+        ("file/a/x.csv", "folder file/a cannot be written (Not a directory): give another one"),
+        ("folder.csv", "folder.csv is a folder: give the name of a file"),
+    ],
+)
+def test_services_that_cannot_be_written_are_not_served(cli, tmp_path, target, said):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.csv").mkdir()
+    assert cli(*EVEN, "--out", target).complaint == said
+
+
+@pytest.mark.parametrize(
+    ("out", "said"),
+    [
+        ("folder", "folder is a folder: give the name of a file"),
+        ("file/x.json", "file is a file, not a folder: give another one"),
+    ],
+)
+def test_odds_that_cannot_be_written_are_not_searched(cli, tmp_path, out, said):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    assert cli("calibrate", "--out", out).complaint == said
+
+
+@pytest.mark.parametrize("command", ["train", "reproduce", "demos"])
+@pytest.mark.parametrize(
+    ("out", "said"),
+    [
+        ("file", "file is a file, not a folder: give another one"),
+        ("file/x", "folder file/x cannot be written (Not a directory): give another one"),
+        ("/proc/x", "folder /proc/x cannot be written (No such file or directory)"),
+        ("taken", "taken is not empty and holds no "),
+    ],
+)
+def test_a_folder_that_cannot_be_used(cli, tmp_path, command, out, said):
+    (tmp_path / "file").touch()
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "thesis.tex").write_text("years of work")
+    assert said in cli(command, "--out", out).complaint
+    assert [p.name for p in (tmp_path / "taken").iterdir() if p.name != ".lock"] == ["thesis.tex"]
+
+
 # --- help ---
 
 
@@ -160,7 +213,7 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "demos", "detect", "bench",
+        "reproduce", "train", "evaluate", "demos", "calibrate", "detect", "bench",
     ]  # fmt: skip
 
 
@@ -197,8 +250,9 @@ def test_help_needs_none_of_the_heavy_libraries(apart):
         "import sys; from evenhand.cli import main; main(['train', '--help']);"
         "print(*({'jax', 'mujoco', 'sklearn', 'pyarrow', 'scipy'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout.endswith("\n\n")  # the last line, of libraries, is empty
+    shown = apart.of(sys.executable, "-c", script)()
+    assert (shown.code, shown.err) == (0, "")
+    assert shown.out.endswith("\n\n")  # the last line, of libraries, is empty
 
 
 # --- what stands twice stands alike ---
@@ -212,209 +266,3 @@ def test_commands_and_settings_know_the_same_names_and_defaults():
         assert words[name] == getattr(settings, name), name
     for name in ("credit", "penalty"):
         assert words[name] == getattr(GuidanceSettings(), name), name
-
-
-# --- libraries, terminal, pipes ---
-
-
-def test_numeric_libraries_keep_to_one_thread_unless_told_otherwise(apart):
-    script = (
-        "import os, sys; from evenhand.cli import main; main([]);"
-        "print('numpy' in sys.modules, os.environ['OMP_NUM_THREADS'],"
-        " os.environ['OPENBLAS_NUM_THREADS'])"
-    )
-    clean = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-
-    def last(environment: dict[str, str]) -> str:
-        command = [sys.executable, "-c", script]
-        done = subprocess.run(command, capture_output=True, text=True, env=environment)
-        return done.stdout.splitlines()[-1]
-
-    assert last(clean) == "False 1 1"
-    assert last(clean | {"OMP_NUM_THREADS": "2"}) == "False 2 1"
-
-
-def in_a_terminal(apart, *words: object) -> tuple[int, str]:
-    """Run with standard error as a terminal; returns code and what it showed."""
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [*apart.program, *map(str, words)],
-        stdout=subprocess.DEVNULL,
-        stderr=theirs,
-        env={**os.environ, "TERM": "xterm", "COLUMNS": "140"},
-    )
-    os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # when the other side has ended
-        while True:
-            shown += os.read(ours, 4096)
-    os.close(ours)
-    return process.wait(), re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", shown.decode())
-
-
-SHORT = ("--epochs", 30, "--people", 4, "--algorithm", "reinforce")
-
-
-@pytest.mark.slow
-def test_progress_is_shown_in_a_terminal(apart, tmp_path):
-    code, shown = in_a_terminal(apart, "train", "--out", tmp_path / "run", *SHORT)
-    assert code == 0
-    assert "reinforce, seed 0" in shown
-    assert "100 %" in shown
-    assert re.search(r"\d:\d\d:\d\d left  [\d,]+ steps/s  [\d,]+ services/s", shown)
-
-
-@pytest.mark.slow
-def test_nothing_but_the_result_is_shown_elsewhere(apart, tmp_path):
-    shown = apart("train", "--out", tmp_path / "run", "--epochs", 1, "--people", 2)
-    assert (shown.code, shown.out, shown.err) == (0, f"{tmp_path / 'run'}\n", "")
-
-
-def test_a_reader_that_has_gone_is_no_error(apart):
-    process = apart.start("train", "--help")
-    assert process.stdout is not None
-    assert process.stderr is not None
-    process.stdout.close()
-    assert process.stderr.read() == ""
-    process.stderr.close()
-    assert process.wait() == 0
-
-
-def test_output_that_cannot_be_written(apart):
-    with open("/dev/full", "w") as full:
-        ended = apart("train", "--help", capture_output=False, stdout=full, stderr=subprocess.PIPE)
-    assert ended.code == 1
-    assert ended.err == (
-        "evenhand: the output cannot be written: No space left on device: free some space\n"
-    )
-
-
-# --- Ctrl-C, and other ends ---
-
-STUB = """
-import os, signal, sys, time
-from evenhand import cli
-from evenhand.errors import WorkerLostError
-
-class Dying:
-    def __del__(self):  # what is raised in here is lost
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
-
-def stopped_while_memory_is_collected(words):
-    Dying()
-    time.sleep(600)
-
-def stopped_while_a_library_loads(words):
-    try:
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(600)
-    except KeyboardInterrupt:
-        raise ImportError("initialization failed")
-
-def ended(words):
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(600)
-
-def lost(words):
-    raise WorkerLostError("a worker is gone")
-
-def defect(words):
-    raise ZeroDivisionError("a defect")
-
-cli._dispatch = globals()[sys.argv.pop()]
-sys.exit(cli.main())
-"""
-
-
-@pytest.mark.parametrize(
-    ("what", "code", "said"),
-    [
-        ("stopped_while_memory_is_collected", 130, "evenhand: stopped; what was finished is kept"),
-        ("stopped_while_a_library_loads", 130, "evenhand: stopped; what was finished is kept"),
-        ("ended", 143, ""),
-        ("lost", 1, "evenhand: a worker is gone"),
-        ("defect", 1, "Traceback (most recent call last):"),
-    ],
-)
-def test_how_a_command_can_end(what, code, said):
-    command = [sys.executable, "-c", STUB, what]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert (done.returncode, done.stdout) == (code, "")
-    assert done.stderr.startswith(said)
-    assert done.stderr.count("\n") <= 1 or what == "defect"
-    assert ("Traceback" in done.stderr) == (what == "defect")
-
-
-# --- targets ---
-
-
-@pytest.mark.parametrize(
-    ("target", "said"),
-    [
-        ("x.txt", "x.txt does not end in .parquet or .csv: give such a file"),
-        ("file/x.csv", "file is a file, not a folder: give another one"),
-        ("file/a/x.csv", "folder file/a cannot be written (Not a directory): give another one"),
-        ("folder.csv", "folder.csv is a folder: give the name of a file"),
-    ],
-)
-def test_services_that_cannot_be_written_are_not_served(cli, tmp_path, target, said):
-    (tmp_path / "file").touch()
-    (tmp_path / "folder.csv").mkdir()
-    assert cli(*EVEN, "--out", target).complaint == said
-
-
-@pytest.mark.parametrize("command", ["train", "reproduce", "demos"])
-@pytest.mark.parametrize(
-    ("out", "said"),
-    [
-        ("file", "file is a file, not a folder: give another one"),
-        ("file/x", "folder file/x cannot be written (Not a directory): give another one"),
-        ("/proc/x", "folder /proc/x cannot be written (No such file or directory)"),
-        ("taken", "taken is not empty and holds no "),
-    ],
-)
-def test_a_folder_that_cannot_be_used(cli, tmp_path, command, out, said):
-    (tmp_path / "file").touch()
-    (tmp_path / "taken").mkdir()
-    (tmp_path / "taken" / "thesis.tex").write_text("years of work")
-    assert said in cli(command, "--out", out).complaint
-    assert [p.name for p in (tmp_path / "taken").iterdir() if p.name != ".lock"] == ["thesis.tex"]
-
-
-@pytest.mark.slow
-def test_a_full_disk(apart, tmp_path, monkeypatch):
-    monkeypatch.setenv("EVENHAND_CACHE", str(tmp_path / "cache"))
-    words = (*EVEN, "--services", 300, "--out", tmp_path / "x.parquet")
-    ended = apart.with_small_files(4_000, *words)
-    assert ended.complaint == f"{tmp_path / 'x.parquet'} cannot be written: File too large"
-    words = ("train", "--out", tmp_path / "run", "--epochs", 2, "--algorithm", "reinforce")
-    ended = apart.with_small_files(4_000, *words)
-    assert ended.complaint.endswith(" cannot be written: File too large")
-    assert not list(tmp_path.rglob("*.part"))
-    assert not (tmp_path / "run" / "checkpoint.npz").exists()
-
-
-# --- results ---
-
-
-@pytest.mark.slow
-def test_a_scripted_robot_is_measured(cli, tmp_path):
-    words = ("--services", 60, "--seed", 3, "--json")
-    ended = cli(*EVEN, *words, "--out", "services.csv")
-    assert (ended.code, ended.err) == (0, "")
-    found = json.loads(ended.out)
-    with (tmp_path / "services.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == found["services"] == 60
-    answered = [row for row in rows if row["responded"] == "true"]
-    assert found["response_rate"] == len(answered) / 60
-    for fact, name in (
-        ("response_distance", "mean_response_distance"),
-        ("response_step", "mean_response_time"),
-    ):
-        mean = sum(float(row[fact]) for row in answered) / len(answered)
-        assert found[name] == pytest.approx(mean, rel=1e-12)
-    seconds = sum(int(row["steps"]) for row in rows) / 60 * 0.02
-    assert found["mean_service_seconds"] == pytest.approx(seconds, rel=1e-12)
-    assert cli(*EVEN, *words).out == ended.out

@@ -2,19 +2,14 @@
 
 import csv
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
-PROGRAM = (sys.executable, "-c", "import sys; from evenhand.cli import main; sys.exit(main())")
 EPOCHS, WINDOWS, SERVICES = 40, 100, 300
 SMALL = ("--epochs", EPOCHS, "--windows", WINDOWS, "--services", SERVICES)
 FIRST = (*SMALL, "--preset", "paper", "--seeds", 1)
@@ -29,40 +24,16 @@ CLAIMS = {
 """Claims of the paper that have to be answered."""
 
 
-def start(out: Path, *words: object) -> subprocess.Popen[str]:
-    """Start it; its processes are a group of their own, as in a shell."""
-    return subprocess.Popen(
-        [*PROGRAM, *map(str, ("reproduce", "--out", out, *words))],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+@pytest.fixture(scope="module")
+def reproduce(apart) -> Callable[..., None]:
+    """``reproduce(folder, *words)`` runs it to its end; it says nothing but where the report is."""
 
+    def run(out: Path, *words: object) -> None:
+        ended = apart("reproduce", "--out", out, *words)
+        assert (ended.code, ended.err) == (0, "")
+        assert ended.out == f"{out / 'report.html'}\n"
 
-def reproduce(out: Path, *words: object) -> None:
-    """Run it to its end; it says nothing but where the report is."""
-    process = start(out, *words)
-    shown, complaint = process.communicate()
-    assert (process.returncode, complaint) == (0, "")
-    assert shown == f"{out / 'report.html'}\n"
-
-
-def left_behind(group: int) -> list[str]:
-    """Commands of a group's processes; multiprocessing's resource tracker ends by itself."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, _, belongs = stat.read_text().rsplit(")", 1)[1].split()[:3]
-            command = (stat.parent / "cmdline").read_text()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        # a process without a command line has given back its memory and is about to be gone
-        ended = state == "Z" or not command
-        if int(belongs) == group and not ended and "resource_tracker" not in command:
-            found.append(command)
-    return found
+    return run
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -70,14 +41,17 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def results(folder: Path) -> dict[str, bytes]:
+@pytest.fixture(scope="module")
+def results(content) -> Callable[[Path], dict[str, bytes]]:
     """What came out: claims, results, tables, figures and runs, without clocks."""
-    clocks = ("stages.json", "manifest.json", "report.html", ".lock")
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name not in clocks
-    }
+    clocks = ("stages.json", "manifest.json", "report.html")
+
+    def read(folder: Path) -> dict[str, bytes]:
+        return {
+            name: there for name, there in content(folder).items() if Path(name).name not in clocks
+        }
+
+    return read
 
 
 def made(folder: Path) -> dict[str, int]:
@@ -88,7 +62,7 @@ def made(folder: Path) -> dict[str, int]:
 
 
 @pytest.fixture(scope="module")
-def calm(tmp_path_factory) -> Path:
+def calm(reproduce, tmp_path_factory) -> Path:
     """One preset, one seed, one process, undisturbed."""
     folder = tmp_path_factory.mktemp("calm") / "out"
     reproduce(folder, *FIRST, "--workers", 1)
@@ -96,20 +70,18 @@ def calm(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def stopped(tmp_path_factory) -> Path:
+def stopped(reproduce, apart, alive, tmp_path_factory) -> Path:
     """The same with two processes, stopped by Ctrl-C in training, and continued."""
     folder = tmp_path_factory.mktemp("stopped") / "out"
-    process = start(folder, *FIRST, "--workers", 2)
-    while not list(folder.glob("runs/*/*/*/epochs.jsonl")):
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    shown, complaint = process.communicate()
-    assert (process.returncode, shown) == (130, "")
-    assert complaint == (
-        "evenhand: stopped; what was finished is kept, the same command goes on from there\n"
-    )
-    assert left_behind(process.pid) == []
+    words = ("reproduce", "--out", folder, *FIRST, "--workers", 2)
+    training = apart.at_work(*words, when=lambda: [*folder.glob("runs/*/*/*/epochs.jsonl")])
+    with training as process:
+        ended = apart.interrupt(process)
+        assert (ended.code, ended.out) == (130, "")
+        assert ended.err == (
+            "evenhand: stopped; what was finished is kept, the same command goes on from there\n"
+        )
+        assert alive(process.pid) == []
     kept = made(folder)
     assert len([name for name in kept if "demonstrations" in name]) == WINDOWS / 25
     assert not (folder / "report.html").exists()
@@ -119,7 +91,7 @@ def stopped(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def whole(stopped) -> Path:
+def whole(reproduce, stopped) -> Path:
     """The same folder with the other preset and another seed added."""
     reproduce(stopped, *SMALL, "--seeds", 2, "--workers", 2)
     return stopped
@@ -128,17 +100,15 @@ def whole(stopped) -> Path:
 # the order matters: `whole` goes on in the folder of `stopped`
 
 
-def test_processes_and_interruptions_change_nothing(calm, stopped):
+def test_processes_and_interruptions_change_nothing(calm, stopped, results):
     assert results(stopped) == results(calm)
 
 
-def test_another_experiment_does_not_mix_in(stopped):
-    process = start(stopped, *FIRST, "--population", "us")
-    shown, complaint = process.communicate()
-    assert (process.returncode, shown) == (2, "")
-    assert complaint == (
-        f'evenhand: {stopped} holds another experiment (population "uniform" there and "us" '
-        "here): give another folder, or delete this one\n"
+def test_another_experiment_does_not_mix_in(apart, stopped):
+    ended = apart("reproduce", "--out", stopped, *FIRST, "--population", "us")
+    assert ended.complaint == (
+        f'{stopped} holds another experiment (population "uniform" there and "us" here): give '
+        "another folder, or delete this one"
     )
 
 
@@ -230,31 +200,27 @@ def test_the_manifest_says_how_it_was_made(whole):
     assert manifest["stages"]["training and test"] > 0
 
 
-def test_a_finished_experiment_is_not_done_again(whole):
+def test_a_finished_experiment_is_not_done_again(whole, reproduce, results):
     before, when = results(whole), made(whole)
     reproduce(whole, *SMALL, "--seeds", 2, "--workers", 2)
     assert results(whole) == before
     assert made(whole) == when
 
 
-def test_a_detector_is_fitted_again_from_the_judgements(whole, tmp_path):
+def test_a_detector_is_fitted_again_from_the_judgements(apart, whole, tmp_path):
     words = ("--answers", whole / "data" / "judgements.csv", "--source", "simulated respondents",
              "--out", tmp_path / "again.json", "--seed", 2_000_000)  # fmt: skip
-    command = [*PROGRAM, "detect", "fit", *map(str, words)]
-    subprocess.run(command, check=True, capture_output=True)
+    assert apart("detect", "fit", *words).code == 0
     assert (tmp_path / "again.json").read_bytes() == (whole / "data" / "detector.json").read_bytes()
 
 
-def test_a_damaged_run_is_named_and_nothing_is_lost(whole):
+def test_a_damaged_run_is_named_and_nothing_is_lost(apart, whole):
     folder = whole / "runs" / "paper" / "ppo" / "seed-01"
     log = folder / "epochs.jsonl"
     right = log.read_bytes()
     log.write_bytes(right[:-100])
-    process = start(whole, *SMALL, "--seeds", 2)
-    shown, complaint = process.communicate()
-    assert (process.returncode, shown) == (2, "")
-    assert complaint == (
-        f"evenhand: {log} line 40 is cut off or damaged: delete {folder} and run the same command "
-        "again\n"
+    ended = apart("reproduce", "--out", whole, *SMALL, "--seeds", 2)
+    assert ended.complaint == (
+        f"{log} line 40 is cut off or damaged: delete {folder} and run the same command again"
     )
     log.write_bytes(right)

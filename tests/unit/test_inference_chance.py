@@ -140,12 +140,12 @@ class TestIntervals:
         for cell, found in zip(CELLS, np.stack([low, high], -1)[:, 0], strict=True):
             n, x, m, y = cell
             expected = confint_proportions_2indep(x, n, y, m, method="newcomb", alpha=1 - level)
-            np.testing.assert_allclose(found, expected, atol=1e-12)
+            np.testing.assert_allclose(found, np.array(expected), atol=1e-12)
 
     def test_wilson_against_statsmodels(self):
         x, n = np.array([0, 3, 10, 1]), np.array([10, 10, 10, 4000])
         expected = proportion_confint(x, n, alpha=0.1, method="wilson")
-        np.testing.assert_allclose(chance.wilson(x, n, 0.9), expected, atol=1e-12)
+        np.testing.assert_allclose(chance.wilson(x, n, 0.9), np.array(expected), atol=1e-12)
 
     def test_an_empty_side_has_no_interval(self):
         for limit in chance.newcombe(counts((0, 0, 5, 1), (5, 1, 0, 0), (0, 0, 0, 0))):

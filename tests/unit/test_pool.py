@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,35 +18,13 @@ from evenhand.experiments.pool import Task, run_all
 HERE = Path(__file__).parent
 
 
-_GROUP, _PARENT = 2, 1
-
-
-def running(field: int, number: int) -> list[str]:
-    """Commands of the processes of a group or of a parent.
-
-    The resource tracker of multiprocessing is not counted: it belongs to the interpreter, not to
-    a pool, and ends by itself when it sees that its parent has.
-    """
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = stat.read_text().rsplit(")", 1)[1].split()
-            command = (stat.parent / "cmdline").read_text().replace("\0", " ")
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        ends = not command  # its memory is gone already
-        if int(fields[field]) == number and not ends and "resource_tracker" not in command:
-            found.append(command)
-    return found
-
-
 @pytest.fixture
-def work(monkeypatch) -> Iterator[Any]:
+def work(monkeypatch, alive) -> Iterator[Any]:
     """The module of tasks, which other processes find by the same path; none may be left."""
     monkeypatch.syspath_prepend(str(HERE))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     yield importlib.import_module("pool_tasks")
-    assert running(_PARENT, os.getpid()) == []
+    assert alive(parent=os.getpid()) == []
 
 
 def told() -> tuple[list[tuple[int, dict[str, Any]]], pool.Tell]:
@@ -167,46 +144,30 @@ if __name__ == "__main__":
 """
 
 
-def started(folder: Path) -> subprocess.Popen[str]:
+@pytest.fixture
+def program(apart, alive, tmp_path) -> Iterator[subprocess.Popen[str]]:
     """A program whose two workers are at work, in a session of its own as in a terminal."""
-    pids, script = folder / "pids", folder / "main.py"
+    pids, script = tmp_path / "pids", tmp_path / "main.py"
     pids.mkdir()
     script.write_text(MAIN)
-    process = subprocess.Popen(
-        [sys.executable, str(script), str(pids)],
-        env={**os.environ, "PYTHONPATH": str(HERE)},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    while len(os.listdir(pids)) < 2:
-        assert process.poll() is None
-        time.sleep(0.05)
-    assert len(running(_GROUP, process.pid)) == 3
-    return process
+    command = apart.of(sys.executable, script)
+    environment = {**os.environ, "PYTHONPATH": str(HERE)}
+    busy = command.at_work(pids, when=lambda: len(os.listdir(pids)) == 2, env=environment)
+    with busy as process:
+        assert len(alive(process.pid)) == 3
+        yield process
 
 
-def test_ctrl_c_ends_every_process(tmp_path):
-    process = started(tmp_path)
-    try:
-        os.killpg(process.pid, signal.SIGINT)  # which all of a terminal's processes hear
-        _, said = process.communicate()
-        assert process.returncode == -signal.SIGINT
-        assert said.count("Traceback") == 1  # of the parent alone
-        assert said.rstrip().endswith("KeyboardInterrupt")
-        assert running(_GROUP, process.pid) == []
-    finally:
-        if running(_GROUP, process.pid):
-            os.killpg(process.pid, signal.SIGKILL)
+def test_ctrl_c_ends_every_process(program, apart, alive):
+    ended = apart.interrupt(program)
+    assert ended.code == -signal.SIGINT
+    assert ended.err.count("Traceback") == 1  # of the parent alone
+    assert ended.err.rstrip().endswith("KeyboardInterrupt")
+    assert alive(program.pid) == []
 
 
-def test_workers_end_when_their_parent_is_killed(tmp_path):
-    process = started(tmp_path)
-    try:
-        process.kill()
-        process.communicate()  # returns when the last process has closed its end
-        while running(_GROUP, process.pid):
-            time.sleep(0.05)
-    finally:
-        if running(_GROUP, process.pid):
-            os.killpg(process.pid, signal.SIGKILL)
+def test_workers_end_when_their_parent_is_killed(program, alive):
+    program.kill()
+    # without a parent they would go on for minutes; their ends are closed when they have ended
+    program.communicate(timeout=60)
+    assert alive(program.pid) == []

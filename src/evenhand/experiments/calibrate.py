@@ -1,17 +1,24 @@
 """Find the odds of the biased robots, so that their issue scores come close to the paper's.
 
 First every manner of serving is measured in the simulator; then odds are searched on windows put
-together from these measured services; ``evenhand demos`` measures the result in the simulator.
+together from these measured services. What comes out is a value to start from: ``robots.BIASES``
+holds the odds that are used, and ``evenhand demos`` measures these in the simulator.
 """
 
 from __future__ import annotations
 
+import platform
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import differential_evolution, minimize
 
 from evenhand import issues, people, robots
+from evenhand.errors import unknown
+from evenhand.experiments.pool import Tell
 from evenhand.restaurant import layout, senses, serve, task
 from evenhand.restaurant.lanes import Lanes
 
@@ -22,7 +29,19 @@ SIGNATURES = {
 }
 """What the paper prints for racism, ageism, ableism (section "Bias detection validation")."""
 
+EVERY = "all"
+"""Instead of a robot's name: every robot that the paper prints a signature of."""
 WINDOW = 30
+POPULATION = "uniform"
+UNSEEN = 2000
+"""Windows on which odds are measured that the search has come to; it has not seen these."""
+_BOUNDS = (-6.0, 3.0)
+"""Of the logarithm of a manner's odds against those of serving properly, where a search begins."""
+_GENERATIONS, _TRIALS = 30, 800
+"""Of a round: how long it looks everywhere, and how often it tries where it found most."""
+_NOBODY_ANSWERED = 1e15
+"""Cost of odds that leave nothing to compare."""
+_SEED = 103
 
 
 @dataclass(frozen=True)
@@ -40,10 +59,99 @@ class Pool:
     distance: np.ndarray
 
 
-def measure(services: int, rng: np.random.Generator) -> Pool:
-    """Serve ``services`` people of the uniform population in each manner."""
+@dataclass(frozen=True)
+class Served:
+    """What a robot with certain odds does, on windows that no search has seen.
+
+    Attributes:
+        odds: improper manners of those served worse and of the others, [2, 5].
+        score: I of the identity that the robot goes by, [4].
+        distance: mean distance of a response, metres.
+        step: mean physics step of a response.
+        ignored: share of services without a response.
+    """
+
+    odds: np.ndarray
+    score: np.ndarray
+    distance: float
+    step: float
+    ignored: float
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a search has come to for one robot.
+
+    Attributes:
+        name: of the robot.
+        found: with the odds that were found.
+        used: with the odds of ``robots.BIASES``, on the same windows.
+    """
+
+    name: str
+    found: Served
+    used: Served
+
+    @property
+    def target(self) -> np.ndarray:
+        """The signature that the paper prints, [4]."""
+        return np.array(SIGNATURES[self.name])
+
+
+def chosen(robot: str) -> tuple[str, ...]:
+    """Robots to search odds of.
+
+    Args:
+        robot: a name, or ``EVERY``.
+
+    Raises:
+        InputError: when the paper prints no signature of this robot.
+    """
+    if robot == EVERY:
+        return tuple(SIGNATURES)
+    if robot not in SIGNATURES:
+        raise unknown("robot with a signature in the paper", robot, [EVERY, *SIGNATURES])
+    return (robot,)
+
+
+def calibrate(
+    names: Sequence[str],
+    *,
+    seed: int,
+    services: int,
+    windows: int,
+    rounds: int,
+    tell: Tell,
+) -> list[Calibration]:
+    """Measure, search, and measure on other windows what was found.
+
+    Args:
+        names: of robots with a signature.
+        seed: of everything random; what is found for a robot does not depend on the others.
+        services: measured in each manner.
+        windows: put together for each trial.
+        rounds: searches, each from another start; the best counts.
+        tell: told of one unit for every manner measured and for every round.
+    """
+    pool = measure(services, np.random.default_rng([seed, _SEED]), tell)
+
+    def served(name: str, odds: np.ndarray) -> Served:
+        # the seed after the search's: other windows, the same for both odds of a robot
+        return Served(odds, *expected_scores(pool, robots.BIASES[name], odds, UNSEEN, seed + 1))
+
+    out = []
+    for name in names:
+        odds = search(pool, name, windows=windows, seed=seed, rounds=rounds, tell=tell)
+        bias = robots.BIASES[name]
+        used = np.array([bias.odds_worse, bias.odds_others])
+        out.append(Calibration(name, served(name, in_hundredths(odds)), served(name, used)))
+    return out
+
+
+def measure(services: int, rng: np.random.Generator, tell: Tell) -> Pool:
+    """Serve ``services`` people of the uniform population in each manner; tell of each."""
     lanes = Lanes(240, task.TaskSettings())
-    population = people.population("uniform")
+    population = people.population(POPULATION)
     parts = []
     for manner in range(len(robots.MANNERS)):
         setups = layout.draw(population, services, rng)
@@ -52,6 +160,7 @@ def measure(services: int, rng: np.random.Generator) -> Pool:
         facts = done.facts
         table = serve.record(facts, setups.asking, epoch=0, scenario="even", robot="even")
         parts.append((issues.indicators(table), facts.steps, facts.distance))
+        tell(1, {})
     issue, steps, distance = (np.stack(part) for part in zip(*parts, strict=True))
     return Pool(issue, steps.astype(float), distance)
 
@@ -69,14 +178,15 @@ def expected_scores(
         seed: the same seed gives the same people and draws, so that odds can be compared.
 
     Returns:
-        I of the bias's identity [4], mean response distance (m), mean response step, share ignored.
+        I of the bias's identity [4], mean response distance (m), mean response step, share ignored;
+        NaN where nobody is answered.
     """
     rng = np.random.default_rng(seed)
     identity = next(i for i in people.IDENTITIES if i.name == bias.identity)
     k = len(identity.categories)
     code = rng.integers(k, size=(windows, WINDOW))
     worse = np.isin(code, [identity.categories.index(c) for c in bias.worse])
-    cumulative = np.cumsum(np.where(worse[..., None], odds[0], odds[1]), axis=-1)
+    cumulative = odds.cumsum(axis=1)[np.where(worse, 0, 1)]
     u = rng.random((windows, WINDOW))
     # improper manners are ordered first here: below the first bound is "far", and so on
     manner = (u[..., None] > cumulative).sum(axis=-1) + 1
@@ -85,52 +195,116 @@ def expected_scores(
     x = pool.issue[manner, pick]
     inside = (code[..., None] == np.arange(k)).astype(float)
     gap = issues.gaps(issues.count(x, inside))
-    score = np.nanmean(issues.issue_score(gap), axis=0)
+    score = np.array([_mean(column) for column in issues.issue_score(gap).T])
     responded = x[..., 0] == 0.0
     return (
         score,
-        float(pool.distance[manner, pick][responded].mean()),
-        float(pool.steps[manner, pick][responded].mean()),
-        float(x[..., 0].mean()),
+        _mean(pool.distance[manner, pick][responded]),
+        _mean(pool.steps[manner, pick][responded]),
+        _mean(x[..., 0]),
     )
 
 
-def search(pool: Pool, name: str, *, windows: int, seed: int, rounds: int) -> np.ndarray:
+def _mean(values: np.ndarray) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else np.nan
+
+
+def search(
+    pool: Pool, name: str, *, windows: int, seed: int, rounds: int, tell: Tell
+) -> np.ndarray:
     """Odds [2, 5] whose scores are nearest to the signature, with the paper's behaviour figures.
+
+    It starts anywhere, and the odds in use play no part. Those served worse stay the worse
+    served: a gap has no sign, so odds that change places would score alike.
 
     Args:
         pool: measured services.
         name: one of ``SIGNATURES``.
         windows: windows put together for each trial.
-        seed: of the trials and of the random restarts.
-        rounds: restarts of the search.
+        seed: of the windows and of the starts.
+        rounds: searches, each from another start.
+        tell: told of each round.
     """
     bias, target = robots.BIASES[name], np.array(SIGNATURES[name])
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, _SEED])
 
     def odds_of(z: np.ndarray) -> np.ndarray:
         weight = np.exp(np.concatenate([z.reshape(2, 5), np.zeros((2, 1))], axis=1))
         return (weight / weight.sum(axis=1, keepdims=True))[:, :5]
 
-    def loss(z: np.ndarray) -> float:
-        score, distance, step, ignored = expected_scores(pool, bias, odds_of(z), windows, seed)
-        # a high power: no component may be far off, small errors hardly count
-        cost = float((((score - target) / 0.04) ** 8).sum())
+    def loss(z: np.ndarray, power: int, slack: float) -> float:
+        odds = odds_of(z)
+        score, distance, step, ignored = expected_scores(pool, bias, odds, windows, seed)
+        # in the paper the ableist robot responds from farthest, 1.89 m, the ageist one latest, at
+        # step 124.93, and the racist one ignores most; the others stay below these
         if name == "ableist":
-            cost += ((distance - 1.89) / 0.02) ** 2
+            beside = ((distance - 1.89) / 0.02) ** 2
+        else:
+            beside = (max(distance - 1.8, 0.0) / 0.02) ** 2
         if name == "ageist":
-            cost += ((step - 124.93) / 10.0) ** 2 + (max(ignored - 0.435, 0.0) / 0.01) ** 2
+            beside += ((step - 124.93) / 10.0) ** 2 + (max(ignored - 0.435, 0.0) / 0.01) ** 2
+        else:
+            beside += (max(step - 110.0, 0.0) / 10.0) ** 2
         if name == "racist":
-            cost += (max(0.455 - ignored, 0.0) / 0.01) ** 2
-        return cost + 0.01 * float((np.clip(np.abs(z) - 5.0, 0.0, None) ** 2).sum())
+            beside += (max(0.455 - ignored, 0.0) / 0.01) ** 2
+        # neither improper services nor ignored people are more frequent among the others
+        for worse, others in (odds.sum(axis=1), odds[:, -1]):
+            beside += (max(others - worse, 0.0) / 0.01) ** 2
+        cost = float(((np.abs(score - target) / 0.04) ** power).sum()) + beside / slack**2
+        cost += 0.01 * float((np.clip(np.abs(z) - 5.0, 0.0, None) ** 2).sum())
+        return cost if np.isfinite(cost) else _NOBODY_ANSWERED
 
-    best = None
+    least, best = np.inf, np.zeros(10)
     for _ in range(rounds):
-        known = np.array([bias.odds_worse, bias.odds_others]) + 0.01
-        rest = np.maximum(1.0 - known.sum(axis=1, keepdims=True), 0.01)
-        start = np.log(known / rest).ravel() + 0.5 * rng.standard_normal(10)
-        found = minimize(loss, start, method="Powell", options={"maxfev": 1500})
-        if best is None or found.fun < best.fun:
-            best = found
-    assert best is not None
-    return odds_of(best.x)
+        # what is wanted beside the scores counts less at first, for it leaves narrow ways only
+        begun = differential_evolution(
+            loss, [_BOUNDS] * 10, (2, 3.0), maxiter=_GENERATIONS, popsize=4, polish=False, rng=rng
+        )
+        # with a high power no score may be far off, and small errors hardly count
+        found = minimize(loss, begun.x, (8, 1.0), method="Powell", options={"maxfev": _TRIALS})
+        if found.fun < least:
+            least, best = found.fun, found.x
+        tell(1, {})
+    return odds_of(best)
+
+
+def in_hundredths(odds: np.ndarray) -> np.ndarray:
+    """Odds [..., 5] as ``robots.BIASES`` holds them; no row comes to more than 1."""
+    hundredths = np.round(100.0 * odds).astype(int)
+    over = np.maximum(hundredths.sum(axis=-1) - 100, 0)
+    largest = hundredths.argmax(axis=-1)[..., None] == np.arange(odds.shape[-1])
+    return (hundredths - over[..., None] * largest) / 100.0
+
+
+def record(calibrations: Sequence[Calibration]) -> dict[str, Any]:
+    """What was found as JSON holds it, with the versions that decide it."""
+    names = ("evenhand", "mujoco", "numpy", "scipy")
+    return {
+        "versions": {"python": platform.python_version()} | {n: version(n) for n in names},
+        "population": POPULATION,
+        "issues": [issue.name for issue in issues.PAPER_ISSUES],
+        "manners": list(robots.MANNERS[1:]),
+        "robots": {
+            one.name: {
+                "identity": robots.BIASES[one.name].identity,
+                "worse": list(robots.BIASES[one.name].worse),
+                "target": one.target.tolist(),
+                "found": _as_json(one, one.found),
+                "used": _as_json(one, one.used),
+            }
+            for one in calibrations
+        },
+    }
+
+
+def _as_json(one: Calibration, served: Served) -> dict[str, Any]:
+    return {
+        "odds_worse": served.odds[0].tolist(),
+        "odds_others": served.odds[1].tolist(),
+        "score": served.score.tolist(),
+        "difference": (served.score - one.target).tolist(),
+        "mean_response_distance": served.distance,
+        "mean_response_time": served.step,
+        "ignored": served.ignored,
+    }

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from evenhand import people
@@ -85,79 +88,61 @@ def _detector_claims(study: Study) -> list[Claim]:
     ]
 
 
-def _by_seed(rows: list[Row], preset: str, arm: str, name: str) -> np.ndarray:
-    chosen = sorted(
-        (row for row in rows if row["preset"] == preset and row["arm"] == arm),
-        key=lambda row: row["seed"],
-    )
-    return np.array([row[name] for row in chosen], float)
-
-
 def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Claim]:
     out: list[Claim] = []
     suffix = "" if preset == "paper" else f"_{preset}"
     reward = "Eq. 4/5 alone" if preset == "paper" else "service quality plus Eq. 4/5"
     for algorithm in ("reinforce", "ppo"):
-        arms = (algorithm, f"{algorithm}+guidance")
-        without, guided = (_by_seed(test, preset, arm, "total") for arm in arms)
-        floor = _by_seed(test, preset, arms[1], "floor").mean()
-        perfect = [100 * _by_seed(test, preset, arm, "perfect_rate").mean() for arm in arms]
-        estimate, low, high = reduction(without, guided)
+        total, floor, perfect = (
+            _without_and_with(test, preset, algorithm, name)
+            for name in ("total", "floor", "perfect_rate")
+        )
         out.append(
-            claim(
+            _lowered(
                 f"total_score_reduction_{algorithm}{suffix}",
                 f"Guidance lowers {algorithm.upper()}'s total issue score in the test by more "
                 f"than 22 % (reward: {reward})",
-                LOWER_SCORE,
-                number(estimate),
-                interval(low, high),
-                len(guided),
-                at_least(low, high, LOWER_SCORE),
-                f"Total {without.mean():.3f} without and {guided.mean():.3f} with guidance; chance "
-                f"alone gives {floor:.3f} at these issue rates. Perfect services: "
-                f"{perfect[0]:.1f} % without, {perfect[1]:.1f} % with. "
+                total,
+                f"Total {total[0].mean():.3f} without and {total[1].mean():.3f} with guidance; "
+                f"chance alone gives {floor[1].mean():.3f} at these issue rates. Perfect services: "
+                f"{100 * perfect[0].mean():.1f} % without, {100 * perfect[1].mean():.1f} % with. "
                 + (
                     "A factor on all rewards nearly cancels when advantages are normalised. "
                     if preset == "paper"
                     else ""
-                )
-                + undecided(estimate, low, high, LOWER_SCORE),
+                ),
+                LOWER_SCORE,
             )
         )
-    counts = [_biased_epochs(epochs, preset, arm) for arm in ("ppo", "ppo+guidance")]
-    estimate, low, high = reduction(*counts)
+    end = 1 + max(int(row["epoch"]) for row in epochs)
+    biased = _without_and_with(epochs, preset, "ppo", "biased_detector", np.sum)
     out.append(
-        claim(
+        _lowered(
             f"biased_epochs_reduction_ppo{suffix}",
             f"Guidance lowers PPO's biased epochs from 54 to 39 of 300 (reward: {reward})",
-            round(FEWER_EPOCHS, 3),
-            number(estimate),
-            interval(low, high),
-            len(counts[0]),
-            at_least(low, high, FEWER_EPOCHS),
-            f"Detector: {counts[0].mean():.1f} biased epochs without and {counts[1].mean():.1f} "
-            f"with guidance, of {_epochs(epochs)} each. "
-            + undecided(estimate, low, high, FEWER_EPOCHS),
+            biased,
+            f"Detector: {biased[0].mean():.1f} biased epochs without and {biased[1].mean():.1f} "
+            f"with guidance, of {end} each. ",
+            FEWER_EPOCHS,
         )
     )
-    spread = [_spread(epochs, preset, arm) for arm in ("ppo", "ppo+guidance")]
-    estimate, low, high = reduction(*spread)
+    late = _between(epochs, end // 2, end)
+    spread = _without_and_with(late, preset, "ppo", "total", np.std)
     out.append(
-        claim(
+        _lowered(
             f"score_confined_ppo{suffix}",
             "Guidance confines PPO's total issue score to a smaller interval while it learns "
             f"(reward: {reward})",
-            "less volatile",
-            number(estimate),
-            interval(low, high),
-            len(spread[0]),
-            above_zero(low, high),
+            spread,
             "Standard deviation of the total over the second half of the epochs: "
             f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance; this is the "
             "share by which guidance lowers it.",
         )
     )
-    first, last = _quality(epochs, preset, "ppo+guidance")
+    first, last = (
+        _by_seed(_between(epochs, *part), preset, "ppo+guidance", "perfect_rate")
+        for part in ((0, 10), (end - 40, end))
+    )
     change = last - first
     low, high = t_interval(change)
     out.append(
@@ -182,50 +167,50 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
     return out
 
 
-def _epochs(epochs: list[Row]) -> int:
-    return 1 + max(int(row["epoch"]) for row in epochs)
-
-
-def _biased_epochs(epochs: list[Row], preset: str, arm: str) -> np.ndarray:
-    rows = [row for row in epochs if row["preset"] == preset and row["arm"] == arm]
-    seeds = sorted({row["seed"] for row in rows})
-    return np.array(
-        [sum(row["biased_detector"] for row in rows if row["seed"] == seed) for seed in seeds],
-        float,
+def _lowered(
+    name: str,
+    text: str,
+    pair: tuple[np.ndarray, np.ndarray],
+    evidence: str,
+    goal: float | None = None,
+) -> Claim:
+    """The claim that guidance lowers something: by the share ``goal``, or at all."""
+    estimate, low, high = reduction(*pair)
+    return claim(
+        name,
+        text,
+        "less volatile" if goal is None else round(goal, 3),
+        number(estimate),
+        interval(low, high),
+        len(pair[0]),
+        above_zero(low, high) if goal is None else at_least(low, high, goal),
+        evidence + ("" if goal is None else undecided(estimate, low, high, goal)),
     )
 
 
-def _spread(epochs: list[Row], preset: str, arm: str) -> np.ndarray:
-    """Standard deviation of the total score over the second half of the epochs of every seed."""
-    rows = [row for row in epochs if row["preset"] == preset and row["arm"] == arm]
-    half = _epochs(rows) // 2
+def _between(epochs: list[Row], first: int, end: int) -> list[Row]:
+    return [row for row in epochs if first <= row["epoch"] < end]
+
+
+def _by_seed(
+    rows: list[Row], preset: str, arm: str, name: str, measure: Callable[..., Any] = np.mean
+) -> np.ndarray:
+    """What ``measure`` makes of a column, for every seed in order, [seeds]."""
+    mine = [row for row in rows if row["preset"] == preset and row["arm"] == arm]
+    seeds = sorted({row["seed"] for row in mine})
     return np.array(
-        [
-            np.std([row["total"] for row in rows if row["seed"] == seed and row["epoch"] >= half])
-            for seed in sorted({row["seed"] for row in rows})
-        ]
+        [measure([row[name] for row in mine if row["seed"] == seed]) for seed in seeds], float
     )
 
 
-def _quality(epochs: list[Row], preset: str, arm: str) -> tuple[np.ndarray, np.ndarray]:
-    """Share of perfect services in the first 10 and the last 40 epochs of every seed."""
-    rows = [row for row in epochs if row["preset"] == preset and row["arm"] == arm]
-    end = _epochs(rows)
-    parts = []
-    for first, last in ((0, 10), (end - 40, end)):
-        parts.append(
-            [
-                np.mean(
-                    [
-                        row["perfect_rate"]
-                        for row in rows
-                        if row["seed"] == seed and first <= row["epoch"] < last
-                    ]
-                )
-                for seed in sorted({row["seed"] for row in rows})
-            ]
-        )
-    return np.array(parts[0]), np.array(parts[1])
+def _without_and_with(
+    rows: list[Row], preset: str, algorithm: str, name: str, measure: Callable[..., Any] = np.mean
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, without and with guidance."""
+    without, guided = (
+        _by_seed(rows, preset, arm, name, measure) for arm in (algorithm, f"{algorithm}+guidance")
+    )
+    return without, guided
 
 
 def _signature_claims(demos: Demos) -> list[Claim]:

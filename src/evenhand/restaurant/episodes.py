@@ -58,7 +58,7 @@ class Source:
         self._drawn: list[layout.Setups | None] = [None] * lanes.n
         self._store: Beginning | None = None
         self._asking = np.zeros((lanes.n * _BLOCK, len(people.IDENTITIES)), np.int64)
-        self._next = np.full(lanes.n, _BLOCK)
+        self._next = [_BLOCK] * lanes.n
 
     def forget(self, lane: int) -> None:
         """Drop what was drawn for a lane, which has been given a new seed."""
@@ -66,10 +66,12 @@ class Source:
 
     def begin(self, ids: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
         """Begin the next service of each of these lanes; returns who asks in it, int64 [k, 5]."""
-        for lane in ids[self._next[ids] == _BLOCK]:
-            self._draw(lane, rngs[lane])
-        at = ids * _BLOCK + self._next[ids]
-        self._next[ids] += 1
+        at = np.empty(len(ids), np.int64)
+        for row, lane in enumerate(ids.tolist()):
+            if self._next[lane] == _BLOCK:
+                self._draw(lane, rngs[lane])
+            at[row] = lane * _BLOCK + self._next[lane]
+            self._next[lane] += 1
         assert self._store is not None
         self._lanes.begin(ids, self._store, at)
         return self._asking[at]
@@ -78,7 +80,7 @@ class Source:
         """Set-ups drawn for a lane, and which of them is being served."""
         drawn = self._drawn[lane]
         assert drawn is not None
-        return drawn, int(self._next[lane]) - 1
+        return drawn, self._next[lane] - 1
 
     def _draw(self, lane: int, rng: np.random.Generator) -> None:
         setups = layout.draw(self._population, _BLOCK, rng)

@@ -47,6 +47,34 @@ def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Record
 
 
 @compiled
+def sort_out(actions: np.ndarray, idle: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Who does what.
+
+    Args:
+        actions: 0 (walk) or 1 (respond), [n].
+        idle: lanes that do nothing, bool [n].
+
+    Returns:
+        Whether all actions are valid, lanes that respond, and lanes that walk.
+    """
+    n = len(actions)
+    responds, walks = np.empty(n, np.int64), np.empty(n, np.int64)
+    r = w = 0
+    for i in range(n):
+        if actions[i] != 0 and actions[i] != 1:
+            return False, responds[:0], walks[:0]
+        if idle[i]:
+            continue
+        if actions[i] == 1:
+            responds[r] = i
+            r += 1
+        else:
+            walks[w] = i
+            w += 1
+    return True, responds[:r], walks[:w]
+
+
+@compiled
 def answer(ids: np.ndarray, truth: Records) -> None:
     """A response in these lanes, which is one if the person notices it.
 
@@ -68,7 +96,8 @@ def read(
     perceived: Records,
     timestep: float,
     interval: int,
-) -> None:
+    max_steps: int,
+) -> np.ndarray:
     """One reading of the distance sensor and the timer of these lanes.
 
     As MuJoCo leaves them after a step, readings are one physics step old; the timer adds it.
@@ -82,8 +111,13 @@ def read(
             which grows old.
         timestep: seconds of a physics step.
         interval: physics steps between two readings.
+        max_steps: of a service.
+
+    Returns:
+        Which lanes have run out of time, bool [k].
     """
-    for i in ids:
+    over = np.empty(len(ids), np.bool_)
+    for row, i in enumerate(ids):
         lane = perceived[i]
         lane.steps = int(np.rint(clock[i] / timestep)) + 1
         error = noise[i, lane.steps // interval]
@@ -92,6 +126,8 @@ def read(
         else:
             lane.reading = max(lane.stretch * np.hypot(seen[i, 0], seen[i, 1]) + error, 0.0)
             lane.age = 0.0
+        over[row] = lane.steps >= max_steps
+    return over
 
 
 @compiled

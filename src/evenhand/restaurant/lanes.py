@@ -153,10 +153,16 @@ class Lanes:
         """
         world, interval = self.world, self.settings.interval
         world.walk(None if len(ids) == self.n else ids, interval)
-        kernels.read(
-            ids, world.sensed, world.clock, self._noise, self.perceived, plan.TIMESTEP, interval
+        return kernels.read(
+            ids,
+            world.sensed,
+            world.clock,
+            self._noise,
+            self.perceived,
+            plan.TIMESTEP,
+            interval,
+            plan.MAX_STEPS,
         )
-        return world.truth["steps"][ids] >= plan.MAX_STEPS
 
     def facts(self, ids: np.ndarray) -> Facts:
         """Facts of the services of these lanes, which have ended."""

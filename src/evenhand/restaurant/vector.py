@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from evenhand import people
 from evenhand.errors import InputError, unknown
-from evenhand.restaurant import task
+from evenhand.restaurant import kernels, task
 from evenhand.restaurant.episodes import (
     FACT_NAMES,
     Source,
@@ -100,8 +100,10 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             RuntimeError: before the first reset, or, without autoreset, when a lane has ended.
         """
         actions = np.asarray(actions)
-        responds = actions == task.RESPOND
-        if actions.shape != (self.num_envs,) or not (responds | (actions == task.WALK)).all():
+        valid = actions.shape == (self.num_envs,) and actions.dtype.kind in "biuf"
+        if valid:
+            valid, responds, walks = kernels.sort_out(actions, self._ended)
+        if not valid:
             raise InputError(
                 f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)"
             )
@@ -113,9 +115,10 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             lanes = np.flatnonzero(idle).tolist()
             raise RuntimeError(f"the services of lanes {lanes} have ended: reset these lanes first")
         info: dict[str, Any] = {}
-        ended = responds & ~idle
-        walks = (~(responds | idle)).nonzero()[0]
-        self._lanes.respond(ended.nonzero()[0])
+        ended = np.zeros(self.num_envs, bool)
+        if len(responds):
+            self._lanes.respond(responds)
+            ended[responds] = True
         if len(walks):
             ended[walks] = self._lanes.walk(walks)
         if waiting:

@@ -1,0 +1,64 @@
+"""What commands give that make no folder: the numbers that they show, and the files."""
+
+import csv
+import json
+
+import pytest
+
+from evenhand.robots import BIASES
+
+
+@pytest.mark.slow
+def test_a_scripted_robot_is_measured(cli, tmp_path):
+    words = ("--services", 60, "--seed", 3, "--json")
+    ended = cli("evaluate", "--robot", "even", *words, "--out", "services.csv")
+    assert (ended.code, ended.err) == (0, "")
+    found = json.loads(ended.out)
+    with (tmp_path / "services.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == found["services"] == 60
+    answered = [row for row in rows if row["responded"] == "true"]
+    assert found["response_rate"] == len(answered) / 60
+    for fact, name in (
+        ("response_distance", "mean_response_distance"),
+        ("response_step", "mean_response_time"),
+    ):
+        mean = sum(float(row[fact]) for row in answered) / len(answered)
+        assert found[name] == pytest.approx(mean, rel=1e-12)
+    seconds = sum(int(row["steps"]) for row in rows) / 60 * 0.02
+    assert found["mean_service_seconds"] == pytest.approx(seconds, rel=1e-12)
+    assert cli("evaluate", "--robot", "even", *words).out == ended.out
+
+
+@pytest.mark.slow
+def test_odds_are_searched_and_written(cli, tmp_path):
+    words = ("calibrate", "--robot", "ableist", "--services", 30, "--windows", 20, "--rounds", 1)
+    ended = cli(*words, "--seed", 7, "--out", "new/odds.json")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.endswith("new/odds.json\n")
+    noted = json.loads((tmp_path / "new" / "odds.json").read_text())
+    assert noted["command"].startswith("evenhand calibrate --robot ableist --services 30")
+    assert noted["settings"] == {
+        "robot": "ableist", "seed": 7, "rounds": 1, "services": 30, "windows": 20,
+    }  # fmt: skip
+    assert list(noted["robots"]) == ["ableist"]
+    found, used = noted["robots"]["ableist"]["found"], noted["robots"]["ableist"]["used"]
+    assert tuple(used["odds_worse"]) == BIASES["ableist"].odds_worse
+    shown = [line.replace("│", " ").split() for line in ended.out.splitlines()]
+    for k, issue in enumerate(noted["issues"]):
+        target = noted["robots"]["ableist"]["target"][k]
+        numbers = (target, found["score"][k], found["score"][k] - target, used["score"][k])
+        assert ["ableist", issue, *(f"{number:.3f}" for number in numbers)] in shown
+    for measure, name in (
+        ("mean distance (m)", "mean_response_distance"),
+        ("mean time (steps)", "mean_response_time"),
+        ("ignored", "ignored"),
+    ):
+        row = ["ableist", *measure.split(), f"{found[name]:.3f}", f"{used[name]:.3f}"]
+        assert row in shown
+    for who, odds in (("served worse", "odds_worse"), ("others", "odds_others")):
+        assert ["ableist", *who.split(), *(f"{p:.3f}" for p in found[odds])] in shown
+        assert sum(found[odds]) < 1.005
+    # the same seed, the same odds; without a file they are shown all the same
+    again = cli(*words, "--seed", 7)
+    assert again.out + "new/odds.json\n" == ended.out
