@@ -19,8 +19,8 @@ class Bench:
     json: bool = False
     """Print JSON instead of a table."""
 
-    seconds: float = 3.0
-    """Length of one measurement; each is taken five times, taking turns."""
+    seconds: float = 15.0
+    """For each of the four things that are measured, in turns of a quarter of a second."""
 
     def run(self, command: str) -> int:
         """Measure and print."""

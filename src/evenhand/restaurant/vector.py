@@ -110,7 +110,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if not self._rngs:
             raise RuntimeError("call reset() before step()")
         idle = self._ended
-        waiting = idle.any()
+        waiting = self.autoreset_mode is not AutoresetMode.SAME_STEP and idle.any()
         if waiting and self.autoreset_mode is AutoresetMode.DISABLED:
             lanes = np.flatnonzero(idle).tolist()
             raise RuntimeError(f"the services of lanes {lanes} have ended: reset these lanes first")
@@ -131,24 +131,22 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             facts, rewards = finished(self._lanes, done)
             spread = {"facts": _masked(facts, ended), "_facts": ended}
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
-                final = np.full(self.num_envs, None, object)
+                final = np.empty(self.num_envs, object)
                 final[done] = [*self._lanes.observe(done)]
-                info |= {"final_obs": final, "_final_obs": ended.copy()}
-                info |= {"final_info": spread, "_final_info": ended.copy()}
+                info |= {"final_obs": final, "_final_obs": ended}
+                info |= {"final_info": spread, "_final_info": ended}
                 info |= self._begin(done)
-                self._ended = np.zeros(self.num_envs, bool)
             else:
                 info |= spread
         never = np.zeros(self.num_envs, bool)
         return self._lanes.observe(), rewards, ended.copy(), never, info
 
     def _begin(self, ids: np.ndarray) -> dict[str, Any]:
-        asking = self._source.begin(ids, self._rngs)
+        identities = np.zeros((self.num_envs, len(people.IDENTITIES)), np.int64)
+        identities[ids] = self._source.begin(ids, self._rngs)
         begun = np.zeros(self.num_envs, bool)
         begun[ids] = True
         self._ended = self._ended & ~begun
-        identities = np.zeros((self.num_envs, len(people.IDENTITIES)), np.int64)
-        identities[ids] = asking
         return {"identities": identities, "_identities": begun}
 
 

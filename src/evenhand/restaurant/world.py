@@ -69,6 +69,9 @@ class World:
 
     Attributes:
         truth: of every service, ``TRUTH``, [n].
+        sensed: place of the person by the distance sensor, x and y in metres, [n, 2]. As MuJoCo
+            leaves it after a step, a reading is one physics step old.
+        clock: seconds since the service began by the timer, [n]; one physics step old likewise.
     """
 
     def __init__(self, n: int) -> None:
@@ -79,7 +82,8 @@ class World:
         self._component = {name: self._columns(name) for name in _PLACED}
         self._qpos = self._batch.bind("qpos")
         self._ctrl = self._batch.bind("ctrl")
-        self._sensor = self._batch.bind("sensordata")
+        sensor = self._batch.bind("sensordata")
+        self.sensed, self.clock = sensor[:, :2], sensor[:, scene.SENSOR_TIMER]
         self._state = self._batch.state
         self._sizes = self._batch.expand("geom_size")
         names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
@@ -102,19 +106,6 @@ class World:
     def command(self) -> np.ndarray:
         """Commands of the drives: x, y (m/s), yaw (rad/s), [n, 3]."""
         return self._ctrl
-
-    @property
-    def sensed(self) -> np.ndarray:
-        """Place of the person by the distance sensor, x and y in metres, [n, 2].
-
-        As MuJoCo leaves it after a step, a reading is one physics step old.
-        """
-        return self._sensor[:, :2]
-
-    @property
-    def clock(self) -> np.ndarray:
-        """Seconds since the service began by the timer, [n]; one physics step old likewise."""
-        return self._sensor[:, scene.SENSOR_TIMER]
 
     def prepare(self, setups: layout.Setups, wanted: needs.Needs | None = None) -> Rows:
         """What begins these services, ready to be copied into any simulation.
