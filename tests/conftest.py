@@ -15,6 +15,10 @@ import pytest
 from hypothesis import settings
 
 os.environ["JAX_PLATFORMS"] = "cpu"  # before anything imports jax
+# A shell that starts tests in the background has Ctrl-C ignored, and processes inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # Several tests run at once, and threads that wait for each other cost more than they help.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -149,7 +153,7 @@ class Apart:
     def interrupt(self, process: subprocess.Popen[str]) -> Ended:
         """Ctrl-C, which every process of a terminal's command hears; returns how it ended."""
         os.killpg(process.pid, signal.SIGINT)
-        out, err = process.communicate()
+        out, err = process.communicate(timeout=120)
         return Ended(process.returncode, out, err)
 
 

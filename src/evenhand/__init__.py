@@ -15,7 +15,7 @@ _PUBLIC = {
     "RestaurantVectorEnv": "evenhand.restaurant.vector",
     "ScriptedRobot": "evenhand.robots",
     "Thresholds": "evenhand.issues",
-    "TrainSettings": "evenhand.learn.train",
+    "TrainSettings": "evenhand.learn.settings",
     "load_detector": "evenhand.detector_io",
     "paper_issues": "evenhand.issues",
     "score": "evenhand.issues",

@@ -28,6 +28,7 @@ from evenhand.experiments.measure import WINDOW
 from evenhand.interactions import Interactions
 from evenhand.learn import train
 from evenhand.learn.policy import Actor
+from evenhand.learn.settings import settings_of
 from evenhand.learn.train import begin
 from evenhand.restaurant import layout, plan, scene, senses, task
 from evenhand.restaurant.env import RestaurantEnv
@@ -61,7 +62,7 @@ def measure(seconds: float) -> dict[str, Any]:
     """
     if not 0.01 <= seconds <= 600:
         raise InputError(f"seconds is {seconds}: give 0.01 to 600")
-    actor = Actor(begin(train.preset("service", "ppo", True)).policy)
+    actor = Actor(begin(settings_of("service", "ppo", "penalty")).policy)
     works: dict[str, Stepper] = {
         "bare": _bare(),
         "env_30": _vector(30, actor),
@@ -215,7 +216,7 @@ def _stepper(env: VectorEnv, n: int, actor: Actor) -> Stepper:
 
 def epoch_share() -> dict[str, float]:
     """Shares of an epoch of PPO on the service preset: physics, policy, update, rest."""
-    settings = train.preset("service", "ppo", True, epochs=_EPOCHS + 2)
+    settings = settings_of("service", "ppo", "penalty", epochs=_EPOCHS + 2)
     judge = detector_io.load(detector_io.SHIPPED)
     physics = policy = update = 0.0
     with _timed(Batch, "rollout") as stepping, _timed(Actor, "probability") as acting:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from evenhand import issues
+from evenhand.credit import CreditSettings
 from evenhand.errors import InputError, unknown
 
-KINDS = ("none", "score", "penalty")
+SERVICE_KINDS = ("influence", "surgery", "levelup")
+"""Kinds that are added to a service reward; see ``credit``."""
+KINDS = ("none", "score", "penalty", *SERVICE_KINDS)
+WHEN = ("always", "biased")
 CREDITS = ("own_groups", "epoch")
 
 TAU: Mapping[str, tuple[float, float, float, float]] = {
@@ -32,23 +36,34 @@ class GuidanceSettings:
     """What the robot is told about its evenness.
 
     Attributes:
-        kind: none; score (Eq. 4); penalty (Eq. 4 and 5).
+        kind: none; score (Eq. 4); penalty (Eq. 4 and 5); influence: minus the influence of each
+            service on the total issue score; surgery: its gradient, off what conflicts with
+            service; levelup: issues of worse-off groups cost more.
         credit: own_groups: a person's reward counts the groups this person belongs to; epoch: one
             reward for everybody.
         tau: weight of each issue, a preset or four numbers of at least 0.
         penalty: lambda of Eq. 5, by which the reward of a biased epoch is multiplied.
+        when: whether influence, surgery and levelup count always, or in epochs that the detector
+            calls biased.
+        weigh: how much they weigh, and which gaps steer.
+        guarded: whether they give way while service becomes worse for a group, see ``guard``.
     """
 
-    kind: Literal["none", "score", "penalty"] = "penalty"
+    kind: Literal["none", "score", "penalty", "influence", "surgery", "levelup"] = "penalty"
     credit: Literal["own_groups", "epoch"] = "own_groups"
     tau: tuple[float, float, float, float] = TAU["equal"]
     penalty: float = 0.5
+    when: Literal["always", "biased"] = "always"
+    weigh: CreditSettings = field(default_factory=CreditSettings)
+    guarded: bool = True
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise unknown("guidance", self.kind, KINDS)
         if self.credit not in CREDITS:
             raise unknown("credit", self.credit, CREDITS)
+        if self.when not in WHEN:
+            raise unknown("when", self.when, WHEN)
         check_tau(self.tau)
         if not 0.0 <= self.penalty <= 1.0:
             raise InputError(f"penalty is {self.penalty}: lambda multiplies rewards, give 0 to 1")
@@ -103,13 +118,13 @@ def person_rewards(
         scores: of the epoch.
         inside: membership of the people, [n, G].
         biased: the detector's verdict on the epoch.
-        settings: which reward; ``none`` gives 0.
+        settings: which reward; what is not of Eq. 4 gives 0.
 
     Returns:
         [n].
     """
     n = len(inside)
-    if settings.kind == "none":
+    if settings.kind not in ("score", "penalty"):
         return np.zeros(n)
     if settings.credit == "own_groups":
         score = issues.own_groups_score(scores.gap, inside)

@@ -11,7 +11,7 @@ import pytest
 
 from evenhand import issues, people
 from evenhand.experiments import calibrate, claims, reproduce, tables
-from evenhand.learn import train
+from evenhand.learn.settings import PRESETS, TrainSettings, settings_of
 from evenhand.report import figures_biased
 from evenhand.report.figures import PLATES
 from evenhand.restaurant import layout
@@ -140,17 +140,17 @@ def test_the_numbers_to_compare_with_are_those_printed():
         ("racist", "ignore_rate"): 4.36,
     }
     assert figures_biased.PAPER_BIASED == {"ppo": 54, "ppo+guidance": 39}
-    assert figures_biased.PAPER_EPOCHS * train.TrainSettings.people == 9000
+    assert figures_biased.PAPER_EPOCHS * TrainSettings.people == 9000
     assert round(100 * claims.FEWER_EPOCHS, 1) == 27.8
     assert claims.FEWER_EPOCHS == (54 - 39) / 54
 
 
-@pytest.mark.parametrize("preset", train.PRESETS)
+@pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(("arm", "choice"), list(reproduce.ARMS.items()))
 def test_an_arm_is_an_algorithm_with_or_without_eq_5(arm, choice, preset):
     algorithm, guided = choice
     assert arm == (f"{algorithm}+guidance" if guided else algorithm)
-    settings = train.preset(preset, algorithm, guided)
+    settings = settings_of(preset, algorithm, guided)
     assert settings.preset == preset
     assert settings.update.algorithm == algorithm
     assert settings.guidance.kind == ("penalty" if guided else "score")

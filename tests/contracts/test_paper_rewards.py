@@ -13,12 +13,13 @@ import pytest
 from evenhand import detector_io, guidance, issues, people
 from evenhand.learn import train
 from evenhand.learn.policy import state_values
+from evenhand.learn.settings import TrainSettings, settings_of
 from evenhand.restaurant import layout, task
 
 PEOPLE = 12
 
 
-def one_epoch(settings: train.TrainSettings, monkeypatch) -> tuple[train.EpochRecord, Any]:
+def one_epoch(settings: TrainSettings, monkeypatch) -> tuple[train.EpochRecord, Any]:
     """The record of the first epoch, and what its update was given."""
     caught: list[Any] = []
     update = train.update
@@ -32,12 +33,12 @@ def one_epoch(settings: train.TrainSettings, monkeypatch) -> tuple[train.EpochRe
     return next(train.train(settings, detector)), caught[0]
 
 
-def settings(preset: str, **changes: Any) -> train.TrainSettings:
-    chosen = train.preset(preset, "ppo", True, seed=3, epochs=1)
+def settings(preset: str, **changes: Any) -> TrainSettings:
+    chosen = settings_of(preset, "ppo", "penalty", seed=3, epochs=1)
     return replace(chosen, people=PEOPLE, **changes)
 
 
-def evenness(record: train.EpochRecord, chosen: train.TrainSettings) -> np.ndarray:
+def evenness(record: train.EpochRecord, chosen: TrainSettings) -> np.ndarray:
     """Eq. 4 and 5 for each person."""
     table = record.interactions
     return guidance.person_rewards(

@@ -14,7 +14,8 @@ from evenhand.cli import COMMANDS, DETECT, parse
 from evenhand.errors import InputError
 from evenhand.experiments.settings import PRESETS
 from evenhand.guidance import GuidanceSettings
-from evenhand.learn import train
+from evenhand.learn.settings import PRESETS as LEARNED
+from evenhand.learn.settings import TrainSettings
 
 TRAIN = ("train", "--out", "x")
 REPRODUCE = ("reproduce", "--out", "x")
@@ -259,9 +260,9 @@ def test_help_needs_none_of_the_heavy_libraries(apart):
 
 
 def test_commands_and_settings_know_the_same_names_and_defaults():
-    assert PRESETS == train.PRESETS
+    assert PRESETS == LEARNED
     words = {f.name: f.default for f in fields(command_of("train.Train"))}
-    settings = train.TrainSettings()
+    settings = TrainSettings()
     for name in ("seed", "epochs", "people", "population"):
         assert words[name] == getattr(settings, name), name
     for name in ("credit", "penalty"):

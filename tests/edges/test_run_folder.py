@@ -12,9 +12,10 @@ import pytest
 
 from evenhand import detector_io, files
 from evenhand.errors import InputError
-from evenhand.learn import run, train
+from evenhand.learn import run
+from evenhand.learn.settings import TrainSettings, settings_of
 
-SETTINGS = replace(train.preset("service", "reinforce", True, epochs=5), people=3)
+SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=5), people=3)
 EVERY = 2
 
 
@@ -23,7 +24,7 @@ def detector():
     return detector_io.load(detector_io.SHIPPED)
 
 
-def execute(folder: Path, detector, settings: train.TrainSettings = SETTINGS) -> None:
+def execute(folder: Path, detector, settings: TrainSettings = SETTINGS) -> None:
     run.execute(folder, settings, detector, every=EVERY)
 
 

@@ -17,10 +17,11 @@ import pytest
 
 from evenhand.detector import Detector
 from evenhand.learn import train
+from evenhand.learn.settings import PRESETS, settings_of
 from evenhand.learn.update import ALGORITHMS
 
 TABLE = Path(__file__).with_name("training.json")
-RUNS = [(preset, algorithm) for preset in train.PRESETS for algorithm in ALGORITHMS]
+RUNS = [(preset, algorithm) for preset in PRESETS for algorithm in ALGORITHMS]
 WHOLE = (
     "epoch",
     "biased_detector",
@@ -50,7 +51,7 @@ DETECTOR = Detector(
 
 def run(preset: str, algorithm: str) -> list[dict[str, Any]]:
     """Everything that is counted in three epochs, and the size of the weights after each."""
-    settings = replace(train.preset(preset, algorithm, True, seed=11, epochs=3), people=12)
+    settings = replace(settings_of(preset, algorithm, "penalty", seed=11, epochs=3), people=12)
     out = []
     for record in train.train(settings, DETECTOR):
         numbers = {k: v for k, v in record.numbers.items() if not k.startswith("time_")}

@@ -9,6 +9,7 @@ from evenhand import issues, people
 from evenhand.experiments import measure
 from evenhand.interactions import Interactions
 from evenhand.learn import train
+from evenhand.learn.settings import TrainSettings
 
 
 def services(
@@ -33,7 +34,7 @@ def services(
 
 def test_a_window_is_the_thirty_services_of_an_epoch():
     assert measure.WINDOW == 30
-    assert train.TrainSettings().people == 30
+    assert TrainSettings().people == 30
 
 
 class TestWindows:
@@ -135,7 +136,7 @@ class TestServing:
         assert table != measure.serve_scripted("ableist", 1.0, "uniform", 70, seed=5)
 
     def test_a_policy(self):
-        settings = train.TrainSettings(seed=3)
+        settings = TrainSettings(seed=3)
         state = train.begin(settings)
         table = measure.serve_policy(state, settings, 60, seed=4)
         assert table == measure.serve_policy(state, settings, 60, seed=4)
@@ -144,7 +145,7 @@ class TestServing:
         assert len(set(table.fact("steps"))) > 5
 
     def test_a_policy_before_other_people(self):
-        settings = train.TrainSettings(seed=3, population="uniform")
+        settings = TrainSettings(seed=3, population="uniform")
         state = train.begin(settings)
         table = measure.serve_policy(state, settings, 90, seed=4, population="fairface")
         # of whom the published numbers hold no American Indian and no Native Hawaiian

@@ -78,14 +78,15 @@ class Train:
         """Train and print where the run is."""
         inputs.load_physics()
         from evenhand import guidance, show
-        from evenhand.learn import run, train
+        from evenhand.learn import run
         from evenhand.learn.runtime import set_up_jax
+        from evenhand.learn.settings import settings_of
 
         set_up_jax()
-        base = train.preset(
+        base = settings_of(
             self.preset,
             self.algorithm,
-            True,
+            self.guidance,
             seed=self.seed,
             epochs=self.epochs,
             population=self.population,

@@ -8,10 +8,10 @@ import numpy as np
 
 from evenhand import issues, people, robots
 from evenhand.interactions import Interactions
-from evenhand.learn.policy import Actor
-from evenhand.learn.train import TrainSettings
+from evenhand.learn import train
+from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import LearnerState
-from evenhand.restaurant import layout, plan, senses, serve, task
+from evenhand.restaurant import layout, needs, plan, senses, serve, task
 from evenhand.restaurant.lanes import Lanes
 
 WINDOW = 30
@@ -35,16 +35,18 @@ def serve_policy(
         seed: of people, places and chances; choose one that training never saw.
         population: where people are drawn from; that of the training if None.
     """
-    actor = Actor(state.policy)
     rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(population or settings.population), services, rng)
+    drawn_from = people.population(population or settings.world.population)
+    setups = layout.draw(drawn_from, services, rng)
     return _record(
-        lambda seen, _: actor.probability(seen),
+        train.robot(settings, state.policy),
         setups,
         rng,
         name=settings.update.algorithm,
+        scenario=settings.scenario,
         decide=settings.task,
-        sense=settings.sense,
+        sense=settings.sensor,
+        wanted=settings.needs,
     )
 
 
@@ -132,16 +134,18 @@ def _record(
     rng: np.random.Generator,
     *,
     name: str,
+    scenario: str = "even",
     decide: task.TaskSettings | None = None,
     sense: senses.SenseSettings | None = None,
+    wanted: needs.NeedSettings | None = None,
 ) -> Interactions:
     services = len(setups)
     lanes = Lanes(min(LANES, services), decide or task.TaskSettings())
-    done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings())
+    done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings(), wanted)
     return serve.record(
         done.facts,
         setups.asking,
         epoch=np.arange(services) // WINDOW,
-        scenario="even",
+        scenario=scenario,
         robot=name,
     )

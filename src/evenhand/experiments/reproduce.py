@@ -14,8 +14,9 @@ from evenhand import detector_io, files, report
 from evenhand.experiments import claims, demos, measure, tables
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
-from evenhand.learn import run, train
+from evenhand.learn import run
 from evenhand.learn.runtime import set_up_jax
+from evenhand.learn.settings import settings_of
 
 ARMS: dict[str, tuple[str, bool]] = {
     "reinforce": ("reinforce", False),
@@ -158,8 +159,13 @@ def train_and_test(
         return {"test": done["test"], "folder": str(folder)}
     set_up_jax()
     algorithm, guided = ARMS[arm]
-    settings = train.preset(
-        preset, algorithm, guided, seed=seed, epochs=epochs, population=population
+    settings = settings_of(
+        preset,
+        algorithm,
+        "penalty" if guided else "score",
+        seed=seed,
+        epochs=epochs,
+        population=population,
     )
     state = run.execute(
         folder,

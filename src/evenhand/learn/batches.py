@@ -33,6 +33,7 @@ class Decisions(NamedTuple):
         action: int32 [C].
         advantage: float32 [C].
         target: float32 [C], what the critic should have said.
+        fair: float32 [C], advantage towards evenness, for gradient surgery; 0 without it.
         mask: float32 [C].
     """
 
@@ -40,16 +41,20 @@ class Decisions(NamedTuple):
     action: Any
     advantage: Any
     target: Any
+    fair: Any
     mask: Any
 
 
-def pack(trajectories: Trajectories, advantage: Any, target: Any) -> tuple[Decisions, int]:
+def pack(
+    trajectories: Trajectories, advantage: Any, target: Any, fair: Any = None
+) -> tuple[Decisions, int]:
     """The decisions that happened, in half of the N x L places if they fit, else in all.
 
     Args:
         trajectories: the services of the epoch.
         advantage: [N, L].
         target: [N, L].
+        fair: [N, L], or None for 0.
 
     Returns:
         The packed decisions and how many happened.
@@ -81,6 +86,7 @@ def pack(trajectories: Trajectories, advantage: Any, target: Any) -> tuple[Decis
         action=put("action", trajectories.action, np.int32, 2),
         advantage=put("advantage", advantage, np.float32, 2),
         target=put("target", target, np.float32, 2),
+        fair=put("fair", np.zeros(valid.shape) if fair is None else fair, np.float32, 2),
         mask=(np.arange(capacity) < count).astype(np.float32),
     )
     if not np.isin(decisions.action, (0, 1)).all():

@@ -21,7 +21,7 @@ def masked_mean(x: ArrayLike, mask: ArrayLike) -> jax.Array:
     return total / jnp.maximum(jnp.sum(valid), 1)
 
 
-def _spread(x: ArrayLike, mask: ArrayLike) -> tuple[jax.Array, jax.Array]:
+def spread(x: ArrayLike, mask: ArrayLike) -> tuple[jax.Array, jax.Array]:
     """Mean and standard deviation over valid entries; a spread within rounding is 0."""
     x = jnp.asarray(x)
     mean = masked_mean(x, mask)
@@ -137,7 +137,7 @@ def normalise(advantage: ArrayLike, mask: ArrayLike) -> jax.Array:
     is the same for all people, or a λ that scales it for all, has no effect by itself.
     """
     advantage = jnp.asarray(advantage)
-    mean, std = _spread(advantage, mask)
+    mean, std = spread(advantage, mask)
     scale = jnp.where(std > 0, 1.0 / jnp.where(std > 0, std, 1.0), 0.0)
     return jnp.where(jnp.asarray(mask) > 0, (advantage - mean) * scale, 0.0)
 
@@ -211,6 +211,6 @@ def explained_variance(value: ArrayLike, target: ArrayLike, mask: ArrayLike) -> 
 
     Not a number when all targets are alike.
     """
-    _, residual = _spread(jnp.subtract(target, value), mask)
-    _, total = _spread(target, mask)
+    _, residual = spread(jnp.subtract(target, value), mask)
+    _, total = spread(target, mask)
     return jnp.where(total > 0, 1.0 - jnp.square(residual / total), jnp.nan)

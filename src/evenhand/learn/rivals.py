@@ -325,3 +325,26 @@ def rival(name: str, **settings: Any) -> Rival[Any]:
         if given not in names:
             raise unknown(f"setting of {name}", given, names)
     return kind(**settings)
+
+
+STRENGTH: Mapping[str, str] = {
+    "lagrangian": "limit",
+    "a_ppo": "beta",
+    "r_ppo": "zeta",
+    "elbert": "alpha",
+    "group_dro": "rate",
+    "ggf": "decay",
+}
+"""The setting of each rival that trades evenness for service; for A-PPO, both of its weights."""
+
+
+def strong(name: str, strength: float | None) -> Rival[Any]:
+    """A rival by its name and its main setting.
+
+    Raises:
+        InputError: for a rival that does not exist, or a strength out of its range.
+    """
+    if strength is None or name not in STRENGTH:
+        return rival(name)
+    value: Any = (1.0, strength, strength) if name == "a_ppo" else strength
+    return rival(name, **{STRENGTH[name]: value})

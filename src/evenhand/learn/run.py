@@ -24,6 +24,8 @@ from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
 from evenhand.learn import checkpoint, train
+from evenhand.learn.past import Past
+from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import LearnerState
 
 CHECKPOINT_EVERY = 50
@@ -47,7 +49,7 @@ def as_dict(settings: Any) -> dict[str, Any]:
 
 def execute(
     folder: str | os.PathLike[str],
-    settings: train.TrainSettings,
+    settings: TrainSettings,
     detector: Detector,
     *,
     every: int = CHECKPOINT_EVERY,
@@ -78,20 +80,22 @@ def execute(
             "detector": checkpoint.fingerprint(as_dict(detector)),
         }
         _claim(root, settings, detector, prints)
-        state, rng, first = _resume(root, settings, prints)
+        state, rng, first, past = _resume(root, settings, prints)
         if first and progress is not None:
             progress({"services": first * settings.people, "physics_steps": 0})
         services: list[Interactions] = []
         lines: list[str] = []
-        for record in train.train(settings, detector, state=state, rng=rng, first_epoch=first):
+        for record in train.train(
+            settings, detector, state=state, rng=rng, first_epoch=first, past=past
+        ):
             services.append(record.interactions)
             lines.append(_line(record))
-            state = record.state
+            state, past = record.state, record.past
             if progress is not None:
                 progress({"epoch": record.epoch} | record.numbers)
             ended = record.epoch + 1
             if ended % every == 0 or ended == settings.epochs:
-                _keep(root, state, rng, ended, services, lines, prints)
+                _keep(root, state, past, rng, ended, services, lines, prints)
                 services, lines = [], []
         return state
 
@@ -151,7 +155,7 @@ def read_services(folder: str | os.PathLike[str]) -> Interactions:
     return Interactions.concat([Interactions.read_parquet(path) for path in found])
 
 
-def load_policy(folder: str | os.PathLike[str]) -> tuple[train.TrainSettings, LearnerState]:
+def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerState]:
     """Settings and last state of a run.
 
     Raises:
@@ -162,13 +166,15 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[train.TrainSettings, Le
     if not path.exists():
         raise InputError(f"{root} holds no run: there is no settings.json in it")
     noted = _noted(path)
-    settings = _from_dict(train.TrainSettings, noted["settings"], path)
+    settings = _from_dict(TrainSettings, noted["settings"], path)
     if not (root / "checkpoint.npz").exists():
         raise InputError(
             f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
             "let the run go on"
         )
-    found = checkpoint.load(root / "checkpoint.npz", train.begin(settings), noted["fingerprints"])
+    found = checkpoint.load(
+        root / "checkpoint.npz", train.untrained(settings), noted["fingerprints"]
+    )
     return settings, found.state
 
 
@@ -200,9 +206,7 @@ def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
     return kind(**values)
 
 
-def _claim(
-    root: Path, settings: train.TrainSettings, detector: Detector, prints: dict[str, str]
-) -> None:
+def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict[str, str]) -> None:
     path = root / "settings.json"
     if path.exists():
         noted = _noted(path)
@@ -230,14 +234,17 @@ def _claim(
 
 
 def _resume(
-    root: Path, settings: train.TrainSettings, prints: dict[str, str]
-) -> tuple[LearnerState, np.random.Generator, int]:
+    root: Path, settings: TrainSettings, prints: dict[str, str]
+) -> tuple[LearnerState, np.random.Generator, int, Past]:
     """Where the run stands; what was written after its last checkpoint is dropped."""
-    state, rng, first = train.begin(settings), train.stream(settings), 0
+    rng, first, past = train.stream(settings), 0, Past.empty(settings)
     if (root / "checkpoint.npz").exists():
-        found = checkpoint.load(root / "checkpoint.npz", state, prints)
+        found = checkpoint.load(root / "checkpoint.npz", train.untrained(settings), prints)
         state, first = found.state, int(found.extra["epoch"])
         rng.bit_generator.state = found.extra["rng"]
+        past = Past.of(found.extra["past"], settings)
+    else:
+        state = train.begin(settings)
     if 0 < first < settings.epochs:
         _check_versions(root)
     log = root / "epochs.jsonl"
@@ -264,7 +271,7 @@ def _resume(
             f"{services} lacks the services of epoch {there}: delete {root} and run the same "
             "command again"
         )
-    return state, rng, first
+    return state, rng, first, past
 
 
 def _check_versions(root: Path) -> None:
@@ -292,6 +299,7 @@ def _epochs_of(path: Path) -> tuple[int, int]:
 def _keep(
     root: Path,
     state: LearnerState,
+    past: Past,
     rng: np.random.Generator,
     epoch: int,
     services: list[Interactions],
@@ -308,7 +316,7 @@ def _keep(
         root / "checkpoint.npz",
         state,
         fingerprints=prints,
-        extra={"epoch": epoch, "rng": rng.bit_generator.state},
+        extra={"epoch": epoch, "rng": rng.bit_generator.state, "past": past.plain()},
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import optax
 
 from evenhand.errors import InputError, unknown, whole
-from evenhand.learn import losses
+from evenhand.learn import losses, surgery
 from evenhand.learn.batches import Decisions, Trajectories, deal, pack
 from evenhand.learn.policy import ActorCritic, PolicySettings, make_policy
 
@@ -193,12 +193,30 @@ def _objective(
     return total, (policy_part, value_part)
 
 
-@partial(jax.jit, static_argnames="settings")
+def _unevenness(
+    policy: ActorCritic, batch: Decisions, old_log_prob: jax.Array, settings: UpdateSettings
+) -> jax.Array:
+    """What falls as the policy becomes more even: the policy loss with the fair advantages."""
+    log_prob = _log_prob(policy.log_probabilities(batch.obs), batch.action)
+    if settings.algorithm == "reinforce":
+        return losses.reinforce_loss(log_prob, batch.fair, batch.mask)
+    return losses.ppo_loss(log_prob, old_log_prob, batch.fair, batch.mask, settings.clip)
+
+
+@partial(jax.jit, static_argnames=("settings", "with_surgery"))
 def _steps(
-    state: LearnerState, decisions: Decisions, order: jax.Array, settings: UpdateSettings
+    state: LearnerState,
+    decisions: Decisions,
+    order: jax.Array,
+    settings: UpdateSettings,
+    with_surgery: bool,
 ) -> tuple[LearnerState, dict[str, jax.Array]]:
     mask = decisions.mask
     if settings.normalise_advantage:
+        # The same scale for both, so that the weight of evenness keeps its meaning.
+        _, std = losses.spread(decisions.advantage, mask)
+        scaled = decisions.fair / jnp.where(std > 0, std, 1.0)
+        decisions = decisions._replace(fair=jnp.where(mask > 0, scaled, 0.0))
         # Over the whole epoch, so that a decision weighs the same in whichever minibatch it falls.
         decisions = decisions._replace(advantage=losses.normalise(decisions.advantage, mask))
     before = _log_prob(state.policy.log_probabilities(decisions.obs), decisions.action)
@@ -216,9 +234,17 @@ def _steps(
         (_, (policy_part, value_part)), gradient = jax.value_and_grad(_objective, has_aux=True)(
             policy, batch, old, settings
         )
+        length = optax.tree.norm(gradient)
+        if with_surgery:
+            uneven = jax.grad(_unevenness)(policy, batch, old, settings)
+            # Both are gradients of losses; the rule is about ascents, and the signs cancel.
+            fair = surgery.surgery(uneven, gradient)
+            gradient = jax.tree.map(jnp.add, gradient, fair)
         change, opt_state = optimiser.update(gradient, opt_state)
+        if with_surgery:
+            change = surgery.off_bias(change, uneven)
         policy = eqx.apply_updates(policy, change)
-        return (policy, opt_state), (policy_part, value_part, optax.tree.norm(gradient))
+        return (policy, opt_state), (policy_part, value_part, length)
 
     (policy, opt_state), (policy_loss, value_loss, grad_norm) = jax.lax.scan(
         step, (state.policy, state.opt_state), order
@@ -244,6 +270,7 @@ def update(
     target: Any,
     settings: UpdateSettings,
     rng: np.random.Generator,
+    fair: Any = None,
 ) -> tuple[LearnerState, UpdateReport]:
     """Change the policy so that decisions with a high advantage become more likely.
 
@@ -257,6 +284,8 @@ def update(
         target: what the critic should have said, [N, L].
         settings: how to learn.
         rng: deals the decisions into minibatches; only PPO draws from it.
+        fair: advantage of each decision towards evenness, [N, L]: its gradient is added by
+            gradient surgery, see ``surgery``. None leaves it out.
 
     Returns:
         The new state and what happened.
@@ -265,11 +294,11 @@ def update(
         ValueError: no decision happened, shapes differ, or a number at a decision that happened
             is not finite.
     """
-    decisions, count = pack(trajectories, advantage, target)
+    decisions, count = pack(trajectories, advantage, target, fair)
     capacity = len(decisions.mask)
     if settings.algorithm == "reinforce":
         order = np.arange(capacity, dtype=np.int32)[None]
     else:
         order = deal(count, capacity, settings.passes, settings.minibatches, rng)
-    state, report = _steps(state, decisions, order, settings)
+    state, report = _steps(state, decisions, order, settings, fair is not None)
     return state, UpdateReport(**{name: float(x) for name, x in report.items()})

@@ -1,0 +1,32 @@
+"""What the policy gets to see of an observation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evenhand.learn import rival_formulas
+from evenhand.learn.settings import TrainSettings
+from evenhand.restaurant import task
+
+_CENTRE, _SCALE = 0.3, 6.0
+"""Of the distance: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and 0.3.
+Spread out like this, 0.6 apart, they are learned in a fraction of the services."""
+_TIME_CENTRE, _TIME_SCALE = 0.3, 3.0
+"""Of the time, likewise."""
+
+
+def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
+    """Observations as the policy takes them: distance and time centred and spread out.
+
+    Args:
+        settings: of the run; ``unaware`` hides who is served.
+        observation: float32 [..., 25].
+
+    Returns:
+        Of the same shape and type.
+    """
+    out = observation.copy()
+    distance, time = task.N_GROUPS, task.N_GROUPS + 1
+    out[..., distance] = (out[..., distance] - _CENTRE) * _SCALE
+    out[..., time] = (out[..., time] - _TIME_CENTRE) * _TIME_SCALE
+    return rival_formulas.unaware(out, task.N_GROUPS) if settings.unaware else out
