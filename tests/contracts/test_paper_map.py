@@ -148,20 +148,25 @@ def test_the_numbers_to_compare_with_are_those_printed():
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(("arm", "choice"), list(reproduce.ARMS.items()))
 def test_an_arm_is_an_algorithm_with_or_without_eq_5(arm, choice, preset):
-    algorithm, guided = choice
-    assert arm == (f"{algorithm}+guidance" if guided else algorithm)
-    settings = settings_of(preset, algorithm, guided)
+    algorithm, kind = choice
+    names = {"score": "", "penalty": "+guidance", "levelup": "+levelup"}
+    assert arm == algorithm + names[kind]
+    if arm not in reproduce.arms_of(preset):
+        assert (preset, kind) == ("paper", "levelup")
+        return
+    settings = settings_of(preset, algorithm, kind)
     assert settings.preset == preset
     assert settings.update.algorithm == algorithm
-    assert settings.guidance.kind == ("penalty" if guided else "score")
+    assert settings.guidance.kind == kind
     assert settings.guidance.tau == (1.0, 1.0, 1.0, 1.0)
     assert settings.update.gamma == {"paper": 0.99, "service": 1.0}[preset]
 
 
-def test_there_are_four_arms():
-    assert set(reproduce.ARMS.values()) == {
-        (algorithm, guided) for algorithm in ("reinforce", "ppo") for guided in (False, True)
-    }
+def test_there_are_the_papers_four_arms_and_two_of_our_own():
+    printed = {(a, kind) for a in ("reinforce", "ppo") for kind in ("score", "penalty")}
+    own = {(a, "levelup") for a in ("reinforce", "ppo")}
+    assert {reproduce.ARMS[arm] for arm in reproduce.arms_of("paper")} == printed
+    assert {reproduce.ARMS[arm] for arm in reproduce.arms_of("service")} == printed | own
 
 
 def test_the_questionnaire_shares_are_no_counts_out_of_24():

@@ -14,6 +14,7 @@ from evenhand import detector_io, guidance, issues, people
 from evenhand.learn import train
 from evenhand.learn.policy import state_values
 from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.learn.view import view
 from evenhand.restaurant import layout, task
 
 PEOPLE = 12
@@ -24,9 +25,9 @@ def one_epoch(settings: TrainSettings, monkeypatch) -> tuple[train.EpochRecord, 
     caught: list[Any] = []
     update = train.update
 
-    def catch(state, trajectories, advantage, target, chosen, rng):
+    def catch(state, trajectories, advantage, target, chosen, rng, fair):
         caught.append((trajectories, np.asarray(advantage), np.asarray(target)))
-        return update(state, trajectories, advantage, target, chosen, rng)
+        return update(state, trajectories, advantage, target, chosen, rng, fair)
 
     monkeypatch.setattr(train, "update", catch)
     detector = detector_io.load(detector_io.SHIPPED)
@@ -57,6 +58,7 @@ def test_preset_paper_pays_for_evenness_alone_and_looks_on_over_people(monkeypat
     following = layout.draw(people.population("uniform"), PEOPLE + 1, train.stream(chosen))[-1:]
     none = np.zeros(1, np.int64)
     seen = task.observe(none, following.one_hot, following.start_distance, none, np.zeros(1))
+    seen = view(chosen, seen)
     value_next = float(np.asarray(state_values(policy, seen))[0])
     reward = evenness(record, chosen)
     expected = [

@@ -13,7 +13,8 @@ import pytest
 EPOCHS, WINDOWS, SERVICES = 40, 100, 300
 SMALL = ("--epochs", EPOCHS, "--windows", WINDOWS, "--services", SERVICES)
 FIRST = (*SMALL, "--preset", "paper", "--seeds", 1)
-ARMS = ("reinforce", "reinforce+guidance", "ppo", "ppo+guidance")
+PRINTED = ("reinforce", "reinforce+guidance", "ppo", "ppo+guidance")
+ARMS = {"paper": PRINTED, "service": (*PRINTED, "reinforce+levelup", "ppo+levelup")}
 
 CLAIMS = {
     "detector_agreement", "detector_accuracy", "total_score_reduction_reinforce",
@@ -162,7 +163,7 @@ def test_results_are_tidy_and_complete(whole):
     assert set(cells) == {
         (preset, arm, seed, metric)
         for preset in ("paper", "service")
-        for arm in ARMS
+        for arm in ARMS[preset]
         for seed in "01"
         for metric in metrics
     }
@@ -177,7 +178,7 @@ def test_results_are_tidy_and_complete(whole):
 
 def test_every_run_keeps_every_service(whole):
     runs = sorted(whole.glob("runs/*/*/*"))
-    assert len(runs) == 2 * len(ARMS) * 2
+    assert len(runs) == 2 * (4 + 6)
     for folder in runs:
         services = [pq.read_table(path) for path in sorted((folder / "services").iterdir())]
         assert sum(map(len, services)) == EPOCHS * 30

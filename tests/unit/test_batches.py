@@ -43,7 +43,7 @@ def test_types_are_the_same_whatever_comes_in():
     )
     decisions, _ = pack(mixed, advantage.astype(np.float16), target.astype(float))
     types = [x.dtype for x in decisions]
-    assert types == [np.float32, np.int32, np.float32, np.float32, np.float32]
+    assert types == [np.float32, np.int32, *[np.float32] * 4]
 
 
 def test_rubbish_behind_the_end_of_a_service_is_left_out():

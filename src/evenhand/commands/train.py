@@ -39,11 +39,32 @@ class Train:
     reinforce: in one step, with the critic as baseline.
     ppo: in several clipped steps."""
 
-    guidance: Literal["none", "score", "penalty"] = "penalty"
+    guidance: Literal["none", "score", "penalty", "influence", "surgery", "levelup"] = "penalty"
     """What evenness pays.
     none: nothing.
     score: Eq. 4.
-    penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5)."""
+    penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5).
+    Beyond the paper, and only with preset service:
+    levelup: issues of people in worse-off groups cost more (recommended).
+    influence: each service costs what it adds to the total issue score.
+    surgery: the gradient towards evenness, without what conflicts with service."""
+
+    strength: float = 1.0
+    """Weight of influence, surgery or levelup beside a perfect service's 1."""
+
+    scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
+    """Where unevenness comes from: even, prejudiced, perception, minority, tips, everyday.
+    Several are joined by a plus: perception+tips."""
+
+    rival: Annotated[str, arg(metavar="NAME")] = "none"
+    """Another published method instead of guidance: lagrangian, a_ppo, r_ppo, elbert, group_dro,
+    ggf. Give --guidance none with it."""
+
+    rival_strength: Annotated[float | None, arg(help_behavior_hint="(its own)")] = None
+    """Main setting of the rival."""
+
+    unaware: bool = False
+    """Hide from the policy whom it serves."""
 
     credit: Literal["own_groups", "epoch"] = "own_groups"
     """Whose disparity the reward for a person counts.
@@ -67,7 +88,9 @@ class Train:
     people: int = 30
     """Services in one epoch; the paper has 30."""
 
-    population: Annotated[str, arg(metavar="uniform|us|fairface")] = "uniform"
+    population: Annotated[
+        str | None, arg(metavar="uniform|us|fairface", help_behavior_hint="(of the scenario)")
+    ] = None
     """Where people are drawn from: all categories alike, or published shares."""
 
     detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
@@ -77,7 +100,7 @@ class Train:
     def run(self, command: str) -> int:
         """Train and print where the run is."""
         inputs.load_physics()
-        from evenhand import guidance, show
+        from evenhand import credit, guidance, show
         from evenhand.learn import run
         from evenhand.learn.runtime import set_up_jax
         from evenhand.learn.settings import settings_of
@@ -95,8 +118,16 @@ class Train:
             base,
             people=self.people,
             guidance=guidance.GuidanceSettings(
-                self.guidance, self.credit, inputs.parse_tau(self.tau), self.penalty
+                self.guidance,
+                self.credit,
+                inputs.parse_tau(self.tau),
+                self.penalty,
+                weigh=credit.CreditSettings(strength=self.strength),
             ),
+            scenario=self.scenario,
+            rival=self.rival,
+            rival_strength=self.rival_strength,
+            unaware=self.unaware,
         )
         judge = inputs.load_detector(self.detector)
         with show.stages() as stage:

@@ -14,22 +14,32 @@ from evenhand import detector_io, files, report
 from evenhand.experiments import claims, demos, measure, tables
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
+from evenhand.guidance import SERVICE_KINDS
 from evenhand.learn import run
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import settings_of
 
-ARMS: dict[str, tuple[str, bool]] = {
-    "reinforce": ("reinforce", False),
-    "reinforce+guidance": ("reinforce", True),
-    "ppo": ("ppo", False),
-    "ppo+guidance": ("ppo", True),
+ARMS: dict[str, tuple[str, str]] = {
+    "reinforce": ("reinforce", "score"),
+    "reinforce+guidance": ("reinforce", "penalty"),
+    "reinforce+levelup": ("reinforce", "levelup"),
+    "ppo": ("ppo", "score"),
+    "ppo+guidance": ("ppo", "penalty"),
+    "ppo+levelup": ("ppo", "levelup"),
 }
-"""Arm -> (algorithm, guided by the detector's penalty)."""
+"""Arm -> (algorithm, kind of guidance): Eq. 4; Eq. 4 and 5; Evenhand's own, which needs a service
+reward and is therefore no arm of the preset paper."""
 _EPOCH_COLUMNS = (
     "total", "willingness", "quality", "priority", "risk", "biased_detector", "biased_threshold",
     "probability", "perfect_rate", "response_rate", "mean_response_distance",
     "mean_response_step",
 )  # fmt: skip
+
+
+def arms_of(preset: str) -> list[str]:
+    """Names of the arms of a preset, in order."""
+    added = SERVICE_KINDS if preset == "paper" else ()
+    return [arm for arm, (_, kind) in ARMS.items() if kind not in added]
 
 
 Stage = Callable[[str, int], Tell]
@@ -110,7 +120,7 @@ def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[st
     tasks, heads = [], []
     # PPO takes longest: begin with it, so that no process is left alone with it at the end
     for preset in sorted(settings.preset, reverse=True):
-        for arm in reversed(ARMS):
+        for arm in reversed(arms_of(preset)):
             for seed in range(settings.seeds):
                 head = {"preset": preset, "arm": arm, "seed": seed}
                 folder = out / "runs" / preset / arm / f"seed-{seed:02d}"
@@ -158,15 +168,8 @@ def train_and_test(
         tell(epochs * measure.WINDOW + services, {"physics_steps": 0})
         return {"test": done["test"], "folder": str(folder)}
     set_up_jax()
-    algorithm, guided = ARMS[arm]
-    settings = settings_of(
-        preset,
-        algorithm,
-        "penalty" if guided else "score",
-        seed=seed,
-        epochs=epochs,
-        population=population,
-    )
+    algorithm, kind = ARMS[arm]
+    settings = settings_of(preset, algorithm, kind, seed=seed, epochs=epochs, population=population)
     state = run.execute(
         folder,
         settings,
@@ -192,12 +195,12 @@ def _write_tables(
     test: list[tables.Row] = []
     tidy: list[tables.Row] = []
     for result in results:
-        algorithm, guided = ARMS[result["arm"]]
+        algorithm, kind = ARMS[result["arm"]]
         head = {name: result[name] for name in ("preset", "arm", "seed")}
         lines = run.read_epochs(result["folder"])
         epochs += [
             head
-            | {"algorithm": algorithm, "guided": guided, "epoch": line["epoch"]}
+            | {"algorithm": algorithm, "guided": kind != "score", "epoch": line["epoch"]}
             | {name: line[name] for name in _EPOCH_COLUMNS}
             for line in lines
         ]

@@ -68,7 +68,7 @@ def scores_draw(data: Table, wide: bool) -> Figure:
             scale = 100 if key == "Q" else 1
             for place, measure in enumerate(parts[key]):
                 for rank, arm in enumerate(arms):
-                    x = place + (rank - (len(arms) - 1) / 2) * 0.19
+                    x = place + (rank - (len(arms) - 1) / 2) * 0.8 / max(len(arms), 4)
                     _dot(
                         ax,
                         data.where(preset=preset, arm=arm, measure=measure),

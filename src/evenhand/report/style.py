@@ -112,8 +112,10 @@ _DASHED = (0, (4, 1.6))
 ARMS = {
     "reinforce": Look("REINFORCE", VERMILLION, "o", _DASHED, filled=False),
     "reinforce+guidance": Look("REINFORCE + guidance", ORANGE, "o"),
+    "reinforce+levelup": Look("REINFORCE + level-up", PURPLE, "D"),
     "ppo": Look("PPO", BLUE, "s", _DASHED, filled=False),
     "ppo+guidance": Look("PPO + guidance", GREEN, "s"),
+    "ppo+levelup": Look("PPO + level-up", SKY, "^"),
 }
 KINDS = {
     "none": Look("none", GREY, "o"),

@@ -199,31 +199,45 @@ def _list(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def paired(results: Results, preset: str, algorithm: str, column: str) -> Estimate:
+def paired(
+    results: Results, preset: str, algorithm: str, column: str, kind: str = "guidance"
+) -> Estimate:
     """Guided minus unguided in the test, paired by seed, with its t interval."""
     test = results["test"].where(preset=preset)
     with_, without = (
         dict(zip(part["seed"].tolist(), part[column].tolist(), strict=True))
-        for part in (test.where(arm=f"{algorithm}+guidance"), test.where(arm=algorithm))
+        for part in (test.where(arm=f"{algorithm}+{kind}"), test.where(arm=algorithm))
     )
     return mean_interval(with_[seed] - without[seed] for seed in with_ if seed in without)
 
 
 def _guidance(results: Results, preset: str) -> tuple[str, str]:
     arms = results["test"].where(preset=preset).distinct("arm")
-    pairs = [arm for arm in arms if f"{arm}+guidance" in arms]
     head = f"Guidance in preset {preset}."
+    printed = _against_unguided(results, preset, arms, "guidance")
+    own = _against_unguided(results, preset, arms, "levelup")
+    if not printed and not own:
+        return head, "This run has no algorithm both with and without guidance."
+    text = f"Guided minus unguided, paired by seed. {' '.join(printed)}" if printed else ""
+    if own:
+        text += (
+            " Level-up, which is not the paper's but Evenhand's, in its place: issues of people "
+            f"in worse-off groups cost more. {' '.join(own)}"
+        )
+    return head, text.strip()
+
+
+def _against_unguided(results: Results, preset: str, arms: Sequence[str], kind: str) -> list[str]:
+    """A sentence for each algorithm that there is with this guidance and without any."""
     said = []
-    for algorithm in pairs:
-        score = paired(results, preset, algorithm, "total")
-        quality = paired(results, preset, algorithm, "perfect_rate")
+    for algorithm in (arm for arm in arms if f"{arm}+{kind}" in arms):
+        score = paired(results, preset, algorithm, "total", kind)
+        quality = paired(results, preset, algorithm, "perfect_rate", kind)
         said.append(
             f"{style.arm_label(algorithm)}: total score {say_estimate(score)}{_verdict(score)}, "
             f"perfect services {_points(quality)}."
         )
-    if not said:
-        return head, "This run has no algorithm both with and without guidance."
-    return head, f"Guided minus unguided, paired by seed. {' '.join(said)}"
+    return said
 
 
 def _verdict(change: Estimate) -> str:

@@ -1,0 +1,181 @@
+"""What can be set of a comparison: arms, algorithms, runs; imports nothing heavy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+from evenhand.errors import InputError, unknown, whole
+from evenhand.experiments.settings import CORES, SERVICES, WORKERS
+
+SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
+"""All scenarios, as ``scenarios`` knows them."""
+ALGORITHMS = ("ppo", "reinforce")
+"""What learns."""
+NO_ALGORITHM = "none"
+"""Algorithm of an arm that learns nothing."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way to serve.
+
+    Attributes:
+        guidance: kind of guidance, one of ``guidance.KINDS``.
+        rival: one of ``learn.rivals``, or none.
+        unaware: hide from the policy whom it serves.
+        learns: False for what is there without learning; it is the same for every algorithm.
+    """
+
+    guidance: str = "none"
+    rival: str = "none"
+    unaware: bool = False
+    learns: bool = True
+
+    @property
+    def has_strength(self) -> bool:
+        """Whether a strength trades evenness for service."""
+        return self.guidance != "none" or self.rival != "none"
+
+
+ARMS: Mapping[str, Arm] = {
+    "reference": Arm(learns=False),
+    "untrained": Arm(learns=False),
+    "service": Arm(),
+    "score": Arm("score"),
+    "penalty": Arm("penalty"),
+    "influence": Arm("influence"),
+    "surgery": Arm("surgery"),
+    "levelup": Arm("levelup"),
+    "unaware": Arm(unaware=True),
+    "lagrangian": Arm(rival="lagrangian"),
+    "a_ppo": Arm(rival="a_ppo"),
+    "elbert": Arm(rival="elbert"),
+    "group_dro": Arm(rival="group_dro"),
+    "ggf": Arm(rival="ggf"),
+}
+"""Scripted robot of ``scenarios.reference``; policy before training (in ``prejudiced``, after
+imitation); training on service alone; the paper's guidance; Evenhand's; the rivals."""
+
+
+def method_of(arm: str) -> tuple[str, float | None]:
+    """Method and strength of an arm: ``levelup@2`` is level-up at strength 2.
+
+    Raises:
+        InputError: for an unknown method, or a strength that is none.
+    """
+    name, mark, text = arm.partition("@")
+    if name not in ARMS:
+        raise unknown("arm", name, ARMS)
+    if not mark:
+        return name, None
+    if not ARMS[name].has_strength:
+        raise InputError(f"arm {arm}: {name} has no strength, drop @{text}")
+    try:
+        strength = float(text)
+        if not isfinite(strength) or strength < 0:
+            raise ValueError
+    except ValueError:
+        raise InputError(f"arm {arm}: give a finite strength of at least 0 after the @") from None
+    return name, strength
+
+
+def arm_of(method: str, strength: float | None) -> str:
+    """The inverse of ``method_of``: the one way in which an arm is written."""
+    return method if strength is None else f"{method}@{strength:g}"
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """One run: a seed of an arm in a scenario."""
+
+    scenario: str
+    algorithm: str
+    arm: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.scenario}, {self.algorithm}, {self.arm}, seed {self.seed}"
+
+    def folder(self, out: Path) -> Path:
+        """Where it is kept."""
+        return out / "runs" / self.scenario / self.algorithm / self.arm / f"seed-{self.seed:02d}"
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """The comparison."""
+
+    out: Path = Path("out/compare")
+    """Folder of the tables, figures and runs."""
+
+    scenarios: tuple[str, ...] = SCENARIOS
+    """Where unevenness comes from."""
+
+    arms: tuple[str, ...] = tuple(ARMS)
+    """Ways to serve, see ``ARMS`` and ``method_of``."""
+
+    algorithms: tuple[str, ...] = ALGORITHMS
+    """What learns."""
+
+    seeds: int = 10
+    """Runs of every arm, with seeds 0, 1, 2 ..."""
+
+    epochs: int = 300
+    """Updates of every run; an epoch is 30 services."""
+
+    services: int = 5000
+    """Services in the test of every run."""
+
+    workers: int = CORES
+    """Processes that work at the same time."""
+
+    def __post_init__(self) -> None:
+        from evenhand import scenarios  # brings the physics along
+
+        for kind in ("scenarios", "arms", "algorithms"):
+            names = getattr(self, kind)
+            one = kind.removesuffix("s")
+            if not names:
+                raise InputError(f"no {one} is given: name at least one")
+            if kind == "arms":
+                names = tuple(arm_of(*method_of(name)) for name in names)
+                object.__setattr__(self, kind, names)
+            if len(set(names)) < len(names):
+                raise InputError(f"an entry of {kind} is given twice: {', '.join(names)}")
+        for name in self.scenarios:
+            scenarios.scenario(name)
+        for name in self.algorithms:
+            if name not in ALGORITHMS:
+                raise unknown("algorithm", name, ALGORITHMS)
+        whole("seeds", self.seeds, 1, 1000)
+        whole("epochs", self.epochs, 2, 100_000)
+        whole("services", self.services, *SERVICES)
+        whole("workers", self.workers, *WORKERS)
+
+    def cells(self) -> Iterator[Cell]:
+        """Every run, a seed of everything before the next, so that what is there is balanced."""
+        for seed in range(self.seeds):
+            for scenario in self.scenarios:
+                for arm in self.arms:
+                    learns = ARMS[method_of(arm)[0]].learns
+                    for algorithm in self.algorithms if learns else (NO_ALGORITHM,):
+                        yield Cell(scenario, algorithm, arm, seed)
+
+
+def place(cell: Cell) -> tuple[object, ...]:
+    """Sorts cells as they are listed above; others come after these, by name."""
+
+    def rank(name: str, names: tuple[str, ...]) -> tuple[int, str]:
+        return (names.index(name) if name in names else len(names), name)
+
+    method, strength = method_of(cell.arm)
+    return (
+        rank(cell.scenario, SCENARIOS),
+        rank(cell.algorithm, (NO_ALGORITHM, *ALGORITHMS)),
+        rank(method, tuple(ARMS)),
+        -1.0 if strength is None else strength,
+        cell.seed,
+    )
