@@ -18,11 +18,20 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     Raises:
         InputError: when it cannot be written.
     """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write bytes aside, then rename it.
+
+    Raises:
+        InputError: when it cannot be written.
+    """
     target = Path(path)
     aside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        with aside.open("w", encoding="utf-8", newline="") as file:
-            file.write(text)
+        with aside.open("wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(aside, target)

@@ -95,6 +95,8 @@ NUMBERS = [
     ((*EVEN, "--seed", "-1"), "seed is -1: give a whole number from 0 to 4294967295"),
     ((*EVEN, "--strength", "1.01"), "strength of the even robot is 1.01: give 0 to 1"),
     ((*EVEN, "--strength", "nan"), "strength of the even robot is nan: give 0 to 1"),
+    (("alarms", "--windows", "99"), "windows is 99: give a whole number from 100 to 1000000"),
+    (("alarms", "--seed", "-1"), "seed is -1: give a whole number from 0 to 4294967295"),
     (("calibrate", "--seed", "-1"), "seed is -1: give a whole number from 0 to 4294967295"),
     (("calibrate", "--rounds", "0"), "rounds is 0: give a whole number from 1 to 1000"),
     (("calibrate", "--services", "29"), "services is 29: give a whole number from 30 to 100000"),
@@ -214,7 +216,7 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "demos", "calibrate", "detect", "bench",
+        "reproduce", "train", "evaluate", "demos", "alarms", "calibrate", "detect", "bench",
     ]  # fmt: skip
 
 

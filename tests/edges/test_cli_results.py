@@ -62,3 +62,22 @@ def test_odds_are_searched_and_written(cli, tmp_path):
     # the same seed, the same odds; without a file they are shown all the same
     again = cli(*words, "--seed", 7)
     assert again.out + "new/odds.json\n" == ended.out
+
+
+@pytest.mark.slow
+def test_alarms_are_written_and_the_same_seed_gives_the_same(cli, tmp_path):
+    words = ("alarms", "--windows", 100, "--seed", 5, "--out")
+    said = cli(*words, tmp_path / "a")
+    assert said.code == 0
+    names = ["false_alarms.csv", "power.csv", "alarms.svg", "alarms.pdf"]
+    assert said.out.split()[-4:] == [str(tmp_path / "a" / name) for name in names]
+    assert cli(*words, tmp_path / "b").code == 0
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    with (tmp_path / "a" / "false_alarms.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["size"] for row in rows] == ["30", "120", "300", "1000"]
+    # chance alone gives an epoch of 30 a raw total far above the paper's threshold
+    assert float(rows[0]["raw"]) > 0.9
+    # 100 windows at a level of at most 5 %: fewer than 15 with a probability above 0.9999
+    assert all(float(row["verdict"]) < 0.15 for row in rows)
