@@ -57,8 +57,8 @@ def measure(seconds: float) -> dict[str, Any]:
     Returns:
         ``bare_steps_per_s``, ``env_steps_per_s_30``, ``env_steps_per_s_240``,
         ``sync_steps_per_s``, services a second likewise, ``ratio_30`` and ``ratio_240`` (to the
-        bare loop), ``ratio_sync`` (30 at a time, to SyncVectorEnv), ``epoch_share``, and the
-        circumstances.
+        bare loop), ``ratio_sync`` (30 at a time, to SyncVectorEnv), ``epoch_share``,
+        ``reflection_ratio``, and the circumstances.
     """
     if not 0.01 <= seconds <= 600:
         raise InputError(f"seconds is {seconds}: give 0.01 to 600")
@@ -86,6 +86,7 @@ def measure(seconds: float) -> dict[str, Any]:
         """Median over rounds, so that a slow moment hits both."""
         return round(float(np.median(speed[a][:, 0] / speed[b][:, 0])), 3)
 
+    shares, reflection = epoch_share()
     return {
         "bare_steps_per_s": round(steps["bare"]),
         "env_steps_per_s_30": round(steps["env_30"]),
@@ -97,7 +98,8 @@ def measure(seconds: float) -> dict[str, Any]:
         "ratio_30": ratio("env_30", "bare"),
         "ratio_240": ratio("env_240", "bare"),
         "ratio_sync": ratio("env_30", "sync"),
-        "epoch_share": epoch_share(),
+        "epoch_share": shares,
+        "reflection_ratio": reflection,
         "rounds": rounds,
         "seconds": seconds,
         "cpus": os.cpu_count(),
@@ -214,11 +216,15 @@ def _stepper(env: VectorEnv, n: int, actor: Actor) -> Stepper:
     return run
 
 
-def epoch_share() -> dict[str, float]:
-    """Shares of an epoch of PPO on the service preset: physics, policy, update, rest."""
+def epoch_share() -> tuple[dict[str, float], float]:
+    """Shares of an epoch of PPO on the service preset: physics, policy, update, rest.
+
+    Returns:
+        The shares, and the time of an epoch with self-reflection relative to one without.
+    """
     settings = settings_of("service", "ppo", "penalty", epochs=_EPOCHS + 2)
     judge = detector_io.load(detector_io.SHIPPED)
-    physics = policy = update = 0.0
+    physics = policy = update = reflecting = 0.0
     with _timed(Batch, "rollout") as stepping, _timed(Actor, "probability") as acting:
         whole = 0.0
         mark = perf_counter()
@@ -228,11 +234,13 @@ def epoch_share() -> dict[str, float]:
                 whole += now - mark
                 physics, policy = physics + stepping[0], policy + acting[0]
                 update += record.numbers["time_updating"]
+                reflecting += record.numbers["time_reflecting"]
             stepping[0] = acting[0] = 0.0
             mark = perf_counter()
     shares = {"physics": physics / whole, "policy": policy / whole, "update": update / whole}
     shares["rest"] = 1.0 - sum(shares.values())
-    return {name: round(share, 3) for name, share in shares.items()}
+    rounded = {name: round(share, 3) for name, share in shares.items()}
+    return rounded, round(whole / (whole - reflecting), 3)
 
 
 @contextlib.contextmanager
@@ -272,6 +280,6 @@ def show(found: dict[str, Any]) -> None:
     )
     display.table(
         "Share of an epoch (PPO, service preset)",
-        tuple(found["epoch_share"]),
-        [tuple(found["epoch_share"].values())],
+        (*found["epoch_share"], "with self-reflection, to without"),
+        [(*found["epoch_share"].values(), found["reflection_ratio"])],
     )
