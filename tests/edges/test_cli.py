@@ -216,7 +216,8 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "demos", "alarms", "calibrate", "detect", "bench",
+        "reproduce", "train", "evaluate", "compare", "demos", "alarms", "calibrate", "detect",
+        "bench",
     ]  # fmt: skip
 
 

@@ -132,5 +132,5 @@ def test_arms_of_the_experiment():
     assert service.world == Scenario()
     with pytest.raises(InputError, match="unknown preset 'papers': did you mean 'paper'"):
         settings_of("papers", "ppo", "score")
-    with pytest.raises(InputError, match="preset paper rewards Eq. 4/5 and nothing else"):
+    with pytest.raises(InputError, match=r"preset paper rewards Eq\. 4/5 and nothing else"):
         settings_of("paper", "ppo", "influence")

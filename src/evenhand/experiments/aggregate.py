@@ -171,7 +171,8 @@ def pareto_front(points: np.ndarray) -> np.ndarray:
     known = ~np.isnan(points).any(axis=1)
     as_good = (points[:, None] >= points[None]).all(axis=2)
     better = (points[:, None] > points[None]).any(axis=2)
-    return known & ~((as_good & better)[known].any(axis=0))
+    # a comparison with a missing number is false, so such a point dominates none
+    return known & ~np.any(as_good & better, axis=0)
 
 
 def hypervolume(points: np.ndarray, worst: tuple[float, float]) -> float:
@@ -187,8 +188,8 @@ def hypervolume(points: np.ndarray, worst: tuple[float, float]) -> float:
     Raises:
         InputError: when the points are not pairs of finite numbers.
     """
-    points = np.asarray(points, float).reshape(len(points), -1)
-    if len(points) and (points.shape[1] != 2 or not np.isfinite(points).all()):
+    points = np.asarray(points, float)
+    if len(points) and (points.shape[1:] != (2,) or not np.isfinite(points).all()):
         raise InputError("a hypervolume needs pairs of finite numbers: leave out what is missing")
     area, reached = 0.0, worst[1]
     # from the most even on, each point adds the strip of service above what was reached before

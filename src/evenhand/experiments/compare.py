@@ -1,0 +1,257 @@
+"""Every way to evenness in every scenario: training, test, tables; resumable run by run.
+
+A run is a seed of an arm in a scenario (``compare_settings.Cell``), in a folder of its own. Runs
+share nothing, so that more seeds, arms or scenarios can be added to a folder at any time; tables
+are made of all that is finished there.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from evenhand import detector_io, files, people, scenarios
+from evenhand.experiments import compare_tables as tables
+from evenhand.experiments import measure
+from evenhand.experiments.compare_settings import (
+    ARMS,
+    NO_ALGORITHM,
+    Cell,
+    CompareSettings,
+    method_of,
+    place,
+)
+from evenhand.experiments.pool import Task, Tell, run_all
+from evenhand.experiments.reproduce import Stage
+from evenhand.experiments.settings import TEST_SEED
+from evenhand.experiments.tables import write
+from evenhand.guidance import SERVICE_KINDS
+from evenhand.interactions import Interactions
+from evenhand.learn import checkpoint, run, train
+from evenhand.learn.runtime import set_up_jax
+from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.report import figures_compare
+from evenhand.restaurant import layout, serve
+from evenhand.restaurant.lanes import Lanes
+
+
+def compare(
+    settings: CompareSettings, stage: Stage, announce: Callable[[str], None], command: str
+) -> list[tables.Row]:
+    """Run whatever is missing in the folder, then write tables, figures and manifest.
+
+    Args:
+        settings: of the comparison.
+        stage: shows progress.
+        announce: told once, before anything runs, how much there is to do.
+        command: noted in the manifest.
+
+    Returns:
+        The rows of ``summary.csv``, of everything finished in the folder.
+
+    Raises:
+        InputError: for a strength out of range, or when the folder cannot be written, is in use,
+            or holds another experiment.
+    """
+    cells = list(settings.cells())
+    for cell in cells:
+        training_of(cell, settings.epochs)  # a wrong strength is said before anything is written
+    out = files.make_folder(settings.out)
+    with files.locked(out):
+        fixed = {"epochs": settings.epochs, "services": settings.services}
+        files.claim_folder(out, "experiment.json", {"experiment": "compare"} | fixed)
+        for name in (".", "figures", "runs"):
+            files.sweep(files.make_folder(out / name))
+        tasks = [
+            Task(
+                str(cell),
+                train_and_test,
+                {"cell": cell, "out": out} | fixed,
+                finished=run.finished(cell.folder(out), key_of(cell, **fixed)) is not None,
+            )
+            for cell in cells
+        ]
+        announce(_plan(settings, cells, sum(task.finished for task in tasks)))
+        units = sum(_units(cell, **fixed) for cell in cells)
+        run_all(tasks, settings.workers, stage("training and test", units))
+        tell = stage("tables and figures", 1)
+        found = finished(out, **fixed)
+        results = {cell: done["test"] for cell, done in found.items()}
+        summary = tables.summary(results)
+        write(out / "results.csv", tables.tidy(results), tables.RESULTS)
+        write(out / "summary.csv", summary, tables.SUMMARY)
+        write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
+        figures_compare.write(out / "figures", tables.shown(summary), settings.services)
+        _write_manifest(out, settings, command, found)
+        tell(1, {})
+    return summary
+
+
+def training_of(cell: Cell, epochs: int) -> TrainSettings:
+    """Settings of a run; for an arm that learns nothing, those of the world it serves in.
+
+    The strength of an arm is the weight of evenness beside service: ``CreditSettings.strength``
+    for Evenhand's guidance, ``evenness_weight`` for the paper's, ``rivals.STRENGTH`` for a rival.
+    """
+    method, strength = method_of(cell.arm)
+    arm = ARMS[method]
+    algorithm = cell.algorithm if arm.learns else "ppo"
+    base = settings_of("service", algorithm, arm.guidance, seed=cell.seed, epochs=epochs)
+    stronger: dict[str, Any] = {}
+    if strength is not None and arm.rival != "none":
+        stronger = {"rival_strength": strength}
+    elif strength is not None and arm.guidance in SERVICE_KINDS:
+        weigh = replace(base.guidance.weigh, strength=strength)
+        stronger = {"guidance": replace(base.guidance, weigh=weigh)}
+    elif strength is not None:
+        stronger = {"evenness_weight": strength}
+    return replace(base, scenario=cell.scenario, rival=arm.rival, unaware=arm.unaware, **stronger)
+
+
+def key_of(cell: Cell, epochs: int, services: int) -> str:
+    """What a finished run was: under another key it does not count, and is done again."""
+    training = checkpoint.fingerprint(run.as_dict(training_of(cell, epochs)))
+    return f"{epochs} epochs, {services} services, settings {training}"
+
+
+def train_and_test(*, tell: Tell, cell: Cell, out: Path, epochs: int, services: int) -> None:
+    """One run in its folder: train, or go on training; then serve people it never saw."""
+    folder, key = cell.folder(out), key_of(cell, epochs, services)
+    if run.finished(folder, key) is not None:
+        tell(_units(cell, epochs, services), {"physics_steps": 0})
+        return
+    set_up_jax()
+    began = perf_counter()
+    settings, seed = training_of(cell, epochs), TEST_SEED + cell.seed
+    method, _ = method_of(cell.arm)
+    biased = None
+    if ARMS[method].learns:
+        state = run.execute(
+            folder,
+            settings,
+            detector_io.load(detector_io.SHIPPED),
+            progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
+        )
+        table = measure.serve_policy(state, settings, services, seed)
+        biased = sum(line["biased_detector"] for line in run.read_epochs(folder))
+    elif method == "reference":
+        table = serve_reference(settings, services, seed)
+    else:
+        table = measure.serve_policy(train.begin(settings), settings, services, seed)
+    files.make_folder(folder)
+    test = tables.numbers(table) | {"biased_epochs": biased}
+    run.finish(folder, key, {"test": test, "seconds": round(perf_counter() - began, 1)})
+    tell(services, {"physics_steps": int(table.fact("steps").sum())})
+
+
+def serve_reference(settings: TrainSettings, services: int, seed: int) -> Interactions:
+    """Serve people with the scripted robot that makes up for a scenario.
+
+    Args:
+        settings: name the scenario, and with it people, sensor and needs.
+        services: how many people.
+        seed: of people, places and readings.
+    """
+    world = settings.world
+    rng = np.random.default_rng(seed)
+    setups = layout.draw(people.population(world.population), services, rng)
+    done = serve.serve(
+        Lanes(min(measure.LANES, services), settings.task),
+        setups,
+        scenarios.reference(world),
+        rng,
+        settings.sensor,
+        settings.needs,
+    )
+    return serve.record(
+        done.facts,
+        setups.asking,
+        epoch=np.arange(services) // measure.WINDOW,
+        scenario=settings.scenario,
+        robot="reference",
+    )
+
+
+def finished(out: Path, epochs: int, services: int) -> dict[Cell, dict[str, Any]]:
+    """What ``done.json`` says of every finished run in a folder, in order."""
+    found = {}
+    for path in (out / "runs").glob("*/*/*/seed-*/done.json"):
+        scenario, algorithm, arm, seed = path.relative_to(out / "runs").parts[:4]
+        cell = Cell(scenario, algorithm, arm, int(seed.removeprefix("seed-")))
+        done = run.finished(path.parent, key_of(cell, epochs, services))
+        if done is not None:
+            found[cell] = done
+    return {cell: found[cell] for cell in sorted(found, key=place)}
+
+
+def _units(cell: Cell, epochs: int, services: int) -> int:
+    """Services of a run, in training and test."""
+    trained = epochs * measure.WINDOW if cell.algorithm != NO_ALGORITHM else 0
+    return trained + services
+
+
+def _plan(settings: CompareSettings, cells: list[Cell], done: int) -> str:
+    learn = sum(cell.algorithm != NO_ALGORITHM for cell in cells)
+    rest = f"{len(cells) - done:,} to do" if done else "none of them done yet"
+    return (
+        f"{len(cells):,} runs, {rest}: {learn:,} of {settings.epochs:,} epochs and a test of "
+        f"{settings.services:,} services, {len(cells) - learn:,} of a test alone, "
+        f"{settings.workers} at a time; the bar shows how long they take once the first have served"
+    )
+
+
+def _write_manifest(
+    out: Path, settings: CompareSettings, command: str, found: dict[Cell, dict[str, Any]]
+) -> None:
+    plain = {name: value for name, value in asdict(settings).items() if name != "out"}
+    versions = run.versions()
+    seeds = sorted({cell.seed for cell in found})
+    files.write_json(
+        out / "manifest.json",
+        {
+            "version": versions["evenhand"],
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "command": command,
+            "commit": commit(),
+            "settings": {n: list(v) if isinstance(v, tuple) else v for n, v in plain.items()},
+            "versions": versions,
+            "runs": len(found),
+            "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
+            "scenarios": list(dict.fromkeys(cell.scenario for cell in found)),
+            "algorithms": list(dict.fromkeys(cell.algorithm for cell in found)),
+            "arms": list(dict.fromkeys(cell.arm for cell in found)),
+            "seeds": seeds,
+            "test_seeds": [TEST_SEED + seed for seed in seeds],
+            "people": measure.WINDOW,
+        },
+    )
+
+
+def commit() -> dict[str, Any] | None:
+    """The commit that this code is of, and whether the code was changed since.
+
+    Returns:
+        ``hash`` and ``changed``; None when the code is in no git checkout of its own.
+    """
+    here = Path(__file__).resolve()
+
+    def git(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ["git", "-C", str(here.parent), *words], capture_output=True, text=True, check=False
+        )
+
+    try:
+        if git("ls-files", "--error-unmatch", here.name).returncode:
+            return None  # installed somewhere inside another project
+        head = git("rev-parse", "HEAD").stdout.strip()
+        changed = git("status", "--porcelain", "--", str(here.parents[1])).stdout
+    except OSError:  # no git
+        return None
+    return {"hash": head, "changed": bool(changed.strip())} if head else None

@@ -1,0 +1,97 @@
+"""Runs that remember more than the learner go on bit for bit as well."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evenhand import detector_io
+from evenhand.learn import checkpoint, imitate, run, train
+from evenhand.learn.reflection import ReflectionSettings
+from evenhand.learn.settings import TrainSettings, settings_of
+
+EVERY = 2
+BASE = replace(
+    settings_of("service", "ppo", "levelup", epochs=4),
+    scenario="perception+tips",
+    people=4,
+    # after three updates the fourth can be an alarm, and is compared with the first
+    reflection=ReflectionSettings(rate=0.25, history=3),
+)
+NONE = replace(BASE.guidance, kind="none")
+METHODS: dict[str, TrainSettings] = {
+    "levelup": BASE,
+    "surgery": replace(BASE, guidance=replace(BASE.guidance, kind="surgery")),
+    "elbert": replace(BASE, guidance=NONE, rival="elbert"),
+    "group_dro": replace(BASE, guidance=NONE, rival="group_dro", scenario="minority"),
+    "unaware": replace(BASE, guidance=NONE, unaware=True, scenario="prejudiced"),
+}
+
+
+@pytest.fixture(scope="module")
+def detector():
+    return detector_io.load(detector_io.SHIPPED)
+
+
+@pytest.fixture(autouse=True)
+def few_demonstrations(monkeypatch) -> None:
+    monkeypatch.setattr(imitate, "SERVICES", 60)
+
+
+def stopped(folder: Path, settings: TrainSettings, detector, epoch: int) -> None:
+    """A run that was stopped when this epoch had run."""
+
+    def stop(numbers: dict[str, Any]) -> None:
+        if numbers["epoch"] == epoch:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run.execute(folder, settings, detector, every=EVERY, progress=stop)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", METHODS)
+def test_stopped_and_resumed_is_as_undisturbed(name, detector, tmp_path, content):
+    settings = METHODS[name]
+    run.execute(tmp_path / "calm", settings, detector, every=EVERY)
+    calm = content(tmp_path / "calm")
+    # in the third epoch, after the checkpoint of two
+    stopped(tmp_path / "half", settings, detector, epoch=2)
+    lines = (tmp_path / "half" / "epochs.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(lines) == 2
+    run.execute(tmp_path / "half", settings, detector, every=EVERY)
+    resumed = content(tmp_path / "half")
+    assert len(calm["epochs.jsonl"].splitlines()) == 4
+    assert resumed["epochs.jsonl"] == calm["epochs.jsonl"]
+    assert resumed == calm  # checkpoint with its weights and memories, and services, too
+
+
+@pytest.mark.slow
+def test_it_is_the_past_that_makes_it_the_same(detector, tmp_path, monkeypatch):
+    """The tests above could not fail if what is remembered did not matter for two more epochs."""
+    for name in ("levelup", "elbert"):
+        settings = METHODS[name]
+        stopped(tmp_path / name, settings, detector, epoch=2)
+        kept = checkpoint.load(
+            tmp_path / name / "checkpoint.npz",
+            train.untrained(settings),
+            {
+                "settings": checkpoint.fingerprint(run.as_dict(settings)),
+                "detector": checkpoint.fingerprint(run.as_dict(detector)),
+            },
+        )
+        past = train.Past.of(kept.extra["past"], settings)
+        assert past.memory.filled == past.reflection.filled == 2
+
+        def weights(past, settings=settings, kept=kept) -> np.ndarray:
+            rng = train.stream(settings)
+            rng.bit_generator.state = kept.extra["rng"]
+            going_on = train.train(
+                settings, detector, state=kept.state, rng=rng, first_epoch=2, past=past
+            )
+            return np.asarray(list(going_on)[-1].state.policy.actor.weights[0])
+
+        assert not np.array_equal(weights(past), weights(train.Past.empty(settings)))
+        np.testing.assert_array_equal(weights(past), weights(past))

@@ -1,0 +1,323 @@
+"""The comparison: its runs, their settings, its tables and figures; nothing is trained here."""
+
+from dataclasses import replace
+from math import isnan, nan
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import hypergeom
+
+from evenhand import guidance, people, scenarios
+from evenhand.errors import InputError
+from evenhand.experiments import compare, compare_tables
+from evenhand.experiments.compare_settings import (
+    ALGORITHMS,
+    ARMS,
+    SCENARIOS,
+    Cell,
+    CompareSettings,
+    arm_of,
+    method_of,
+    place,
+)
+from evenhand.interactions import Interactions
+from evenhand.learn import rivals, run
+from evenhand.learn.settings import TrainSettings
+from evenhand.report import figures_compare
+
+# --- what is run ---
+
+
+def test_names_that_stand_twice_stand_alike():
+    assert tuple(scenarios.SCENARIOS) == SCENARIOS
+    kinds = {arm.guidance for arm in ARMS.values()}
+    assert kinds == set(guidance.KINDS)
+    assert {arm.rival for arm in ARMS.values()} <= {"none", *rivals.RIVALS}
+    assert set(figures_compare.METHODS) == set(ARMS)
+
+
+def test_the_whole_comparison_has_every_run_once():
+    cells = list(CompareSettings().cells())
+    assert len(set(cells)) == len(cells) == 10 * 6 * (2 + 2 * 12)
+    assert {(c.arm, c.algorithm) for c in cells if c.algorithm == "none"} == {
+        ("reference", "none"), ("untrained", "none"),
+    }  # fmt: skip
+    assert [cell.seed for cell in cells] == sorted(cell.seed for cell in cells)
+    assert len({cell.folder(CompareSettings.out) for cell in cells}) == len(cells)
+
+
+@pytest.mark.parametrize("arm", ["levelup", "levelup@2", "elbert@0.25", "service"])
+def test_an_arm_is_a_method_and_perhaps_a_strength(arm):
+    assert arm_of(*method_of(arm)) == arm
+
+
+def test_cells_are_sorted_as_they_are_listed():
+    cells = [
+        Cell("even", "none", "reference", 0),
+        Cell("even", "ppo", "service", 0),
+        Cell("even", "ppo", "levelup", 1),
+        Cell("even", "ppo", "levelup@0.5", 0),
+        Cell("even", "ppo", "levelup@10", 0),
+        Cell("even", "reinforce", "service", 0),
+        Cell("tips", "none", "reference", 0),
+        Cell("perception+tips", "none", "reference", 0),
+    ]
+    mixed = [cells[i] for i in (7, 4, 2, 0, 6, 3, 5, 1)]
+    assert sorted(mixed, key=place) == cells
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"scenarios": ("percption",)}, "unknown scenario 'percption': did you mean 'perception'"),
+        ({"scenarios": ("tips+even",)}, "contradicts itself"),
+        ({"scenarios": ()}, "no scenario is given: name at least one"),
+        ({"arms": ("levlup",)}, "unknown arm 'levlup': did you mean 'levelup'"),
+        ({"arms": ("levelup@2", "levelup@2.0")}, "an entry of arms is given twice"),
+        ({"arms": ("service@2",)}, "service has no strength, drop @2"),
+        ({"arms": ("levelup@x",)}, "arm levelup@x: give a finite strength of at least 0"),
+        ({"arms": ("levelup@-1",)}, "arm levelup@-1: give a finite strength of at least 0"),
+        ({"arms": ("levelup@nan",)}, "arm levelup@nan: give a finite strength of at least 0"),
+        ({"algorithms": ("pp",)}, "unknown algorithm 'pp': did you mean 'ppo'"),
+        ({"algorithms": ("ppo", "ppo")}, "an entry of algorithms is given twice: ppo, ppo"),
+        ({"seeds": 0}, "seeds is 0: give a whole number from 1 to 1000"),
+        ({"epochs": 1}, "epochs is 1: give a whole number from 2 to 100000"),
+        ({"services": 299}, "services is 299: give a whole number from 300 to 100000"),
+        ({"workers": 65}, "workers is 65: give a whole number from 1 to 64"),
+    ],
+)
+def test_what_cannot_be_compared_is_said_in_one_sentence(given, said):
+    with pytest.raises(InputError) as caught:
+        CompareSettings(**given)
+    assert said in str(caught.value)
+
+
+# --- how each run is trained ---
+
+
+def training(arm: str, algorithm: str = "reinforce", scenario: str = "tips") -> TrainSettings:
+    return compare.training_of(Cell(scenario, algorithm, arm, 3), 40)
+
+
+def test_every_arm_differs_from_service_alone_in_its_method_only():
+    plain = training("service")
+    assert (plain.preset, plain.guidance.kind, plain.rival) == ("service", "none", "none")
+    assert (plain.scenario, plain.seed, plain.epochs, plain.people) == ("tips", 3, 40, 30)
+    assert plain.update.algorithm == "reinforce"
+    assert not plain.unaware
+    for kind in ("score", "penalty", *guidance.SERVICE_KINDS):
+        told = guidance.GuidanceSettings(kind=kind)  # type: ignore[arg-type]
+        assert training(kind) == replace(plain, guidance=told)
+    for name in ("lagrangian", "a_ppo", "elbert", "group_dro", "ggf"):
+        assert training(name) == replace(plain, rival=name)
+    assert training("unaware") == replace(plain, unaware=True)
+    assert training("service", "ppo").update.algorithm == "ppo"
+
+
+def test_a_strength_reaches_the_method():
+    assert training("levelup@2").guidance.weigh.strength == 2.0
+    assert training("surgery@0.5").guidance.weigh.strength == 0.5
+    assert training("penalty@3").evenness_weight == 3.0
+    assert training("elbert@4").rival_strength == 4.0
+    with pytest.raises(InputError, match="decay"):
+        training("ggf@2")
+
+
+def test_another_training_has_another_key():
+    cells = [Cell(s, a, arm, seed) for s in ("tips", "even") for a in ALGORITHMS
+             for arm in ("service", "levelup", "levelup@2") for seed in (0, 1)]  # fmt: skip
+    keys = {compare.key_of(cell, 40, 300) for cell in cells}
+    assert len(keys) == len(cells)
+    assert compare.key_of(cells[0], 40, 301) not in keys
+
+
+def test_only_runs_that_ended_as_they_would_now_count(tmp_path):
+    cell, other = Cell("tips", "ppo", "levelup@2", 4), Cell("tips", "none", "reference", 11)
+    for one, key in ((cell, compare.key_of(cell, 40, 300)), (other, "40 epochs, with other sense")):
+        one.folder(tmp_path).mkdir(parents=True)
+        run.finish(one.folder(tmp_path), key, {"test": {}})
+    Cell("tips", "ppo", "service", 0).folder(tmp_path).mkdir(parents=True)
+    assert list(compare.finished(tmp_path, 40, 300)) == [cell]
+
+
+def test_the_commit_is_named_or_missing():
+    found = compare.commit()
+    assert found is None or (len(found["hash"]) == 40 and found["changed"] in (True, False))
+
+
+# --- numbers of a test ---
+
+
+def served(disabled: np.ndarray) -> Interactions:
+    """People who differ in disability alone; the disabled are not responded to, others well."""
+    n = len(disabled)
+    codes = np.zeros((n, 5), int)
+    codes[:, 3] = np.where(disabled, 0, 1)
+    return Interactions.build(
+        {one.name: (codes[:, i], one.categories) for i, one in enumerate(people.IDENTITIES)},
+        {
+            "responded": ~disabled,
+            "response_step": np.ma.array(np.full(n, 100), mask=disabled),
+            "response_distance": np.ma.array(np.full(n, 1.25), mask=disabled),
+            "min_distance": np.full(n, 1.0),
+            "steps": np.full(n, 100),
+        },
+    )
+
+
+def test_numbers_by_hand():
+    found = compare_tables.numbers(served(np.arange(120) % 2 == 0))
+    # all 60 of 60 have the issue; by chance K of the 60 in the group do, and d = |2K - 60| / 60
+    k = np.arange(61)
+    chance = (hypergeom.pmf(k, 120, 60, 60) * np.abs(2 * k - 60) / 60).sum()
+    assert found["corrected_willingness"] == pytest.approx(1.0 - chance, abs=1e-9)
+    assert found["corrected_total"] == pytest.approx(1.0 - chance, abs=1e-9)
+    assert found["corrected_quality"] is None  # no disabled person was responded to
+    assert found["corrected_risk"] == 0.0
+    assert found["raw_total"] == pytest.approx(1.0)
+    assert (found["perfect_rate"], found["worst_group_rate"]) == (0.5, 0.0)
+
+
+def test_a_small_group_is_not_the_worst():
+    found = compare_tables.numbers(served(np.arange(120) < 29))
+    assert found["worst_group_rate"] == pytest.approx(91 / 120)
+    assert compare_tables.numbers(served(np.arange(120) < 30))["worst_group_rate"] == 0.0
+
+
+# --- what seeds say together ---
+
+NUMBERS = dict.fromkeys(compare_tables.METRICS, 0.0)
+
+
+def results(**arms: Any) -> dict[Cell, dict[str, float | None]]:
+    """Corrected totals of arms, one a seed, in two uneven scenarios; 0.9 perfect services."""
+    found: dict[Cell, dict[str, float | None]] = {}
+    for arm, totals in arms.items():
+        for scenario in ("perception", "tips"):
+            for seed, total in enumerate(totals):
+                algorithm = "ppo" if ARMS[method_of(arm)[0]].learns else "none"
+                found[Cell(scenario, algorithm, arm, seed)] = {
+                    **NUMBERS, "corrected_total": total, "perfect_rate": 0.9,
+                    "biased_epochs": 3.0 if algorithm == "ppo" else None,
+                }  # fmt: skip
+    return found
+
+
+def summarised(found: dict[Cell, dict[str, float | None]], *head: str) -> dict[str, Any]:
+    [row] = [
+        row
+        for row in compare_tables.summary(found)
+        if tuple(row[name] for name in ("scenario", "arm", "metric")) == head
+    ]
+    return row
+
+
+def test_a_summary_by_hand():
+    found = results(
+        reference=[0.0] * 4, service=[0.04, 0.10, 0.05, 0.06], levelup=[0.01, 0.02, 0.03, 0.06]
+    )
+    for scenario in ("perception", "tips", "all"):
+        row = summarised(found, scenario, "levelup", "corrected_total")
+        assert row["iqm"] == pytest.approx(0.025)
+        assert row["low"] < 0.025 < row["high"]
+        assert row["seeds"] == 4
+        assert row["share"] == pytest.approx((0.055 - 0.025) / 0.055)
+        # by seed: -0.03, -0.08, -0.02, 0
+        assert row["difference"] == pytest.approx(-0.025)
+        assert row["improvement"] == pytest.approx(3.5 / 4)
+        assert summarised(found, scenario, "levelup", "perfect_rate")["improvement"] == 0.5
+    row = summarised(found, "tips", "reference", "biased_epochs")
+    assert row["seeds"] == 0
+    assert isnan(row["iqm"])
+
+
+def test_more_perfect_services_and_less_unevenness_are_improvements():
+    found = results(service=[0.1] * 2, levelup=[0.1, 0.2])
+    for cell in [cell for cell in found if (cell.arm, cell.seed) == ("levelup", 0)]:
+        found[cell] = found[cell] | {"perfect_rate": 0.95, "worst_group_rate": -0.1}
+    expected = {"corrected_total": 0.25, "perfect_rate": 0.75, "worst_group_rate": 0.25}
+    for metric, probability in expected.items():
+        assert summarised(found, "tips", "levelup", metric)["improvement"] == probability
+
+
+def test_what_cannot_be_said_is_missing():
+    row = summarised(results(levelup=[0.1]), "tips", "levelup", "corrected_total")
+    assert (row["iqm"], row["seeds"]) == (0.1, 1)
+    names = ("low", "high", "share", "share_low", "difference", "improvement", "improvement_high")
+    assert all(isnan(row[name]) for name in names)
+
+
+def test_all_scenarios_are_pooled_for_arms_that_were_in_all():
+    found = results(service=[0.1, 0.2], levelup=[0.0, 0.1])
+    found = {
+        cell: n for cell, n in found.items() if (cell.scenario, cell.arm) != ("tips", "levelup")
+    }
+    pooled = {r["arm"] for r in compare_tables.summary(found) if r["scenario"] == "all"}
+    assert pooled == {"service"}
+    alone = {cell: n for cell, n in found.items() if cell.scenario == "tips"}
+    assert "all" not in {row["scenario"] for row in compare_tables.summary(alone)}
+
+
+def test_what_is_added_leaves_the_other_rows_as_they_were():
+    few = results(service=[0.1, 0.2, 0.4], levelup=[0.0, 0.1, 0.3])
+    more = results(
+        service=[0.1, 0.2, 0.4], score=[0.1, 0.1, 0.3], levelup=[0.0, 0.1, 0.3]
+    )  # fmt: skip
+    kept = [row for row in compare_tables.summary(more) if row["arm"] != "score"]
+    # as text, for a missing number is equal to none
+    assert str(kept) == str(compare_tables.summary(few))
+
+
+def test_every_number_has_a_row():
+    found = results(reference=[0.0], service=[0.1])
+    rows = compare_tables.tidy(found)
+    assert len(rows) == len(found) * len(compare_tables.METRICS)
+    assert set(rows[0]) == set(compare_tables.RESULTS)
+    biased = {row["arm"]: row["value"] for row in rows if row["metric"] == "biased_epochs"}
+    assert biased == {"reference": None, "service": 3.0}
+
+
+def test_fronts_by_hand():
+    found = results(**{"service": [0.2, 0.2], "levelup": [0.1, 0.1], "levelup@2": [0.05, 0.05]})
+    for cell in [cell for cell in found if cell.arm == "levelup@2"]:
+        found[cell] = found[cell] | {"perfect_rate": 0.5}
+    rows = {(r["scenario"], r["method"]): r for r in compare_tables.fronts(found)}
+    assert {scenario for scenario, _ in rows} == {"perception", "tips"}
+    row = rows["tips", "levelup"]
+    assert row["scale"] == pytest.approx(0.2)
+    # half as uneven as the worst arm with 0.9 perfect; a quarter with 0.5
+    assert row["hypervolume"] == pytest.approx(0.75 * 0.5 + 0.5 * 0.4)
+    assert (row["seeds"], row["arms"], row["front"]) == (2, "levelup levelup@2", row["arms"])
+    assert rows["tips", "service"]["hypervolume"] == 0.0
+
+
+def test_nearly_even_arms_are_not_told_apart_by_chance():
+    rows = compare_tables.fronts(results(service=[0.001], levelup=[0.0]))
+    assert [row["scale"] for row in rows] == [0.05] * 4
+    assert rows[0]["hypervolume"] == pytest.approx(0.9 * (1 - 0.001 / 0.05))
+
+
+# --- the figure ---
+
+
+def test_a_figure_for_each_algorithm_shows_every_arm(tmp_path):
+    found = results(reference=[0.0], service=[0.1], **{"levelup@2": [0.02]})
+    shown = compare_tables.shown(compare_tables.summary(found))
+    files = figures_compare.write(tmp_path, shown, 300)
+    assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()} == {
+        "compare_ppo.svg", "compare_ppo-narrow.svg", "compare_ppo.pdf", "compare_ppo.csv",
+    }  # fmt: skip
+    lines = (tmp_path / "compare_ppo.csv").read_text().splitlines()
+    assert len(lines) == 1 + 2 * 3  # the pooled rows are no panel
+    assert "tips,ppo,levelup@2,1,0.02,,,0.9,," in lines
+    drawn = (tmp_path / "compare_ppo.svg").read_text()
+    assert all(name in drawn for name in ("perception", "tips", "level-up", "reference robot"))
+
+
+def test_a_figure_of_nothing_but_missing_numbers_is_empty_but_there(tmp_path):
+    row = {name: nan for aim in ("corrected_total", "perfect_rate")
+           for name in (aim, f"{aim}_low", f"{aim}_high")}  # fmt: skip
+    head = {"scenario": "tips", "algorithm": "none", "arm": "untrained", "seeds": 0}
+    figures_compare.write(tmp_path, [head | row], 300)
+    assert (tmp_path / "compare_none.svg").exists()
