@@ -134,3 +134,8 @@ def test_arms_of_the_experiment():
         settings_of("papers", "ppo", "score")
     with pytest.raises(InputError, match=r"preset paper rewards Eq\. 4/5 and nothing else"):
         settings_of("paper", "ppo", "influence")
+
+
+def test_perception_is_set_by_the_scenario_alone():
+    with pytest.raises(InputError, match=r"sense\.perception is 0\.5: .* name the scenario"):
+        TrainSettings(sense=senses.SenseSettings(perception=0.5))

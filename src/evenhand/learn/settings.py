@@ -81,6 +81,11 @@ class TrainSettings:
         if self.preset not in PRESETS:
             raise unknown("preset", self.preset, PRESETS)
         self.world  # noqa: B018 - a wrong scenario or population is said at once
+        if self.sense.perception:
+            raise InputError(
+                f"sense.perception is {self.sense.perception}: how sensing depends on the person "
+                "is said by the scenario, so name the scenario perception instead"
+            )
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
