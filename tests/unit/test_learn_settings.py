@@ -138,4 +138,4 @@ def test_arms_of_the_experiment():
 
 def test_perception_is_set_by_the_scenario_alone():
     with pytest.raises(InputError, match=r"sense\.perception is 0\.5: .* name the scenario"):
-        TrainSettings(sense=senses.SenseSettings(perception=0.5))
+        TrainSettings(sense=SenseSettings(perception=0.5))
