@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
@@ -170,6 +170,8 @@ def train_and_test(
     set_up_jax()
     algorithm, kind = ARMS[arm]
     settings = settings_of(preset, algorithm, kind, seed=seed, epochs=epochs, population=population)
+    # the paper's arms stay as printed, and a tenth of their time is saved
+    settings = replace(settings, reflect=kind in SERVICE_KINDS)
     state = run.execute(
         folder,
         settings,
