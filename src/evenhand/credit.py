@@ -33,10 +33,10 @@ class CreditSettings:
     strength: float = 1.0
     """μ: weight of evenness beside a service reward of about 1."""
 
-    windows: int = 4
+    windows: int = 8
     """Epochs, the current one included, whose counts are pooled."""
 
-    shrink: float = 1.0
+    shrink: float = 0.5
     """A gap counts only beyond so many standard errors; 0 lets chance gaps steer too."""
 
     objective: Literal["gap", "squared"] = "gap"

@@ -99,7 +99,7 @@ def test_numbers_that_no_short_text_holds(rival):
 
 def test_the_size_of_each_memory_is_that_of_the_settings():
     empty = Past.empty(settings("elbert"))
-    assert empty.memory.windows.shape == (4, 22, 4, 4)
+    assert empty.memory.windows.shape == (8, 22, 4, 4)
     assert empty.guard.reference.shape == (23, 1, 2)  # the 22 groups and everybody
     assert empty.reflection.cosines.shape == (5, 6, 5)
     assert empty.rival.ratio.shape == (22, 4)

@@ -49,7 +49,14 @@ class Compare:
     """What learns, one or both."""
 
     seeds: int = CompareSettings.seeds
-    """Runs of every arm, with seeds 0, 1, 2 ...; intervals need two or more."""
+    """Runs of every arm, with seeds that follow each other; intervals need two or more."""
+
+    first_seed: int = CompareSettings.first_seed
+    """The first of these seeds. Choose settings of a method with other seeds than you report."""
+
+    earlier: Annotated[Path | None, arg(metavar="FILE")] = CompareSettings.earlier
+    """results.csv of an earlier comparison with its manifest beside it: what ran there is taken
+    from there, so that a published comparison can be continued, or an arm be added to it."""
 
     epochs: int = CompareSettings.epochs
     """Updates of every run, 30 services each."""

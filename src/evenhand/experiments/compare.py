@@ -11,6 +11,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from evenhand import detector_io, files, people, scenarios
+from evenhand.experiments import compare_earlier, measure
 from evenhand.experiments import compare_tables as tables
-from evenhand.experiments import measure
 from evenhand.experiments.compare_settings import (
     ARMS,
     NO_ALGORITHM,
@@ -60,12 +61,17 @@ def compare(
         InputError: for a strength out of range, or when the folder cannot be written, is in use,
             or holds another experiment.
     """
-    cells = list(settings.cells())
-    for cell in cells:
+    fixed = {"epochs": settings.epochs, "services": settings.services}
+    for cell in settings.cells():
         training_of(cell, settings.epochs)  # a wrong strength is said before anything is written
+    earlier = None
+    if settings.earlier is not None:
+        prints = partial(fingerprint_of, epochs=settings.epochs)
+        earlier = compare_earlier.load(settings.earlier, **fixed, prints=prints)
+    known = earlier.results if earlier else {}
+    cells = [cell for cell in settings.cells() if cell not in known]
     out = files.make_folder(settings.out)
     with files.locked(out):
-        fixed = {"epochs": settings.epochs, "services": settings.services}
         files.claim_folder(out, "experiment.json", {"experiment": "compare"} | fixed)
         for name in (".", "figures", "runs"):
             files.sweep(files.make_folder(out / name))
@@ -83,13 +89,13 @@ def compare(
         run_all(tasks, settings.workers, stage("training and test", units))
         tell = stage("tables and figures", 1)
         found = finished(out, **fixed)
-        results = {cell: done["test"] for cell, done in found.items()}
+        results = known | {cell: done["test"] for cell, done in found.items()}
         summary = tables.summary(results)
         write(out / "results.csv", tables.tidy(results), tables.RESULTS)
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
         figures_compare.write(out / "figures", tables.shown(summary), settings.services)
-        _write_manifest(out, settings, command, found)
+        _write_manifest(out, settings, command, found, earlier)
         tell(1, {})
     return summary
 
@@ -112,7 +118,20 @@ def training_of(cell: Cell, epochs: int) -> TrainSettings:
         stronger = {"guidance": replace(base.guidance, weigh=weigh)}
     elif strength is not None:
         stronger = {"evenness_weight": strength}
-    return replace(base, scenario=cell.scenario, rival=arm.rival, unaware=arm.unaware, **stronger)
+    return replace(
+        base,
+        scenario=cell.scenario,
+        rival=arm.rival,
+        unaware=arm.unaware,
+        reflect=False,  # nothing here looks at it
+        **stronger,
+    )
+
+
+def fingerprint_of(arm: str, epochs: int) -> str:
+    """Of an arm's settings, whatever the scenario, the algorithm and the seed."""
+    settings = training_of(Cell("even", "ppo", arm, 0), epochs)
+    return checkpoint.fingerprint(run.as_dict(settings))
 
 
 def key_of(cell: Cell, epochs: int, services: int) -> str:
@@ -208,11 +227,17 @@ def _plan(settings: CompareSettings, cells: list[Cell], done: int) -> str:
 
 
 def _write_manifest(
-    out: Path, settings: CompareSettings, command: str, found: dict[Cell, dict[str, Any]]
+    out: Path,
+    settings: CompareSettings,
+    command: str,
+    found: dict[Cell, dict[str, Any]],
+    earlier: compare_earlier.Earlier | None,
 ) -> None:
-    plain = {name: value for name, value in asdict(settings).items() if name != "out"}
+    plain = {n: v for n, v in asdict(settings).items() if n not in ("out", "earlier")}
     versions = run.versions()
-    seeds = sorted({cell.seed for cell in found})
+    cells = sorted({*found, *(earlier.results if earlier else ())}, key=place)
+    seeds = sorted({cell.seed for cell in cells})
+    arms = list(dict.fromkeys(cell.arm for cell in cells))
     files.write_json(
         out / "manifest.json",
         {
@@ -224,9 +249,11 @@ def _write_manifest(
             "versions": versions,
             "runs": len(found),
             "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
-            "scenarios": list(dict.fromkeys(cell.scenario for cell in found)),
-            "algorithms": list(dict.fromkeys(cell.algorithm for cell in found)),
-            "arms": list(dict.fromkeys(cell.arm for cell in found)),
+            "earlier": earlier.manifest if earlier else None,
+            "scenarios": list(dict.fromkeys(cell.scenario for cell in cells)),
+            "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
+            "arms": arms,
+            "fingerprints": {arm: fingerprint_of(arm, settings.epochs) for arm in arms},
             "seeds": seeds,
             "test_seeds": [TEST_SEED + seed for seed in seeds],
             "people": measure.WINDOW,

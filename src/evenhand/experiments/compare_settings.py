@@ -121,7 +121,13 @@ class CompareSettings:
     """What learns."""
 
     seeds: int = 10
-    """Runs of every arm, with seeds 0, 1, 2 ..."""
+    """Runs of every arm, with seeds that follow each other."""
+
+    first_seed: int = 0
+    """The first of them."""
+
+    earlier: Path | None = None
+    """Table of an earlier comparison; its runs are taken from there."""
 
     epochs: int = 300
     """Updates of every run; an epoch is 30 services."""
@@ -151,13 +157,14 @@ class CompareSettings:
             if name not in ALGORITHMS:
                 raise unknown("algorithm", name, ALGORITHMS)
         whole("seeds", self.seeds, 1, 1000)
+        whole("first_seed", self.first_seed, 0, 100_000)
         whole("epochs", self.epochs, 2, 100_000)
         whole("services", self.services, *SERVICES)
         whole("workers", self.workers, *WORKERS)
 
     def cells(self) -> Iterator[Cell]:
         """Every run, a seed of everything before the next, so that what is there is balanced."""
-        for seed in range(self.seeds):
+        for seed in range(self.first_seed, self.first_seed + self.seeds):
             for scenario in self.scenarios:
                 for arm in self.arms:
                     learns = ARMS[method_of(arm)[0]].learns

@@ -2,9 +2,12 @@
 
 Behaviour cloning (Pomerleau 1991): the likelihood of what the robots did is raised. Each service is
 given by one of the biased robots, so what is learned is a mixture of their prejudices, as a policy
-would take it over from logs of unlike staff. Demonstrations are synthetic. That society's bias
-reaches robots by demonstration is measured for drivers: Black pedestrians wait 32 % longer and are
-passed by twice as many cars (Goddard et al. 2015).
+would take it over from logs of unlike staff. Training is then held near what was imitated, as is
+usual where a policy is to keep its manners (kickstarting, Schmitt et al. 2018): without that, a
+service reward alone repairs the prejudice within some epochs. Demonstrations are synthetic.
+
+That society's bias reaches robots by demonstration is measured for drivers: Black pedestrians wait
+32 % longer and are passed by twice as many cars (Goddard et al. 2015).
 """
 
 from __future__ import annotations
@@ -25,6 +28,8 @@ from evenhand.restaurant.lanes import Lanes
 
 SERVICES = 900
 """Demonstrations."""
+PULL = 0.3
+"""How strongly training is held near what was imitated, see ``update.Anchor``."""
 _STEPS, _BATCH, _RATE = 300, 2048, 3e-3
 
 

@@ -189,6 +189,12 @@ def entropy(log_probabilities: jax.Array, mask: ArrayLike) -> jax.Array:
     return masked_mean(each, mask)
 
 
+def divergence(anchor: jax.Array, log_probabilities: jax.Array, mask: ArrayLike) -> jax.Array:
+    """Mean of KL(anchor ‖ policy) in nats, from log-probabilities of all actions, [..., 2]."""
+    each = jnp.sum(jnp.exp(anchor) * (anchor - log_probabilities), axis=-1)
+    return masked_mean(each, mask)
+
+
 # --- diagnostics ---------------------------------------------------------------------------------
 
 

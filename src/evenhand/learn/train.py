@@ -6,6 +6,7 @@ An epoch is 30 services: serve, score (Eq. 1-2), judge (Eq. 3), reward (Eq. 4-5)
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -20,7 +21,7 @@ from evenhand.learn import imitate, lesson, reflection
 from evenhand.learn.past import Past
 from evenhand.learn.policy import Actor, ActorCritic
 from evenhand.learn.settings import TrainSettings
-from evenhand.learn.update import LearnerState, Trajectories, make_learner, update
+from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learner, update
 from evenhand.learn.view import view
 from evenhand.restaurant import layout, plan, serve, task
 from evenhand.restaurant.lanes import Lanes
@@ -51,6 +52,7 @@ def untrained(settings: TrainSettings) -> LearnerState:
     return make_learner(task.OBSERVATION_SIZE, settings.policy, settings.update, rng)
 
 
+@functools.lru_cache(maxsize=1)  # imitation takes seconds, and its result is needed twice
 def begin(settings: TrainSettings) -> LearnerState:
     """The learner at the beginning of a run: untrained, or after imitating biased robots."""
     state, world = untrained(settings), settings.world
@@ -62,6 +64,14 @@ def begin(settings: TrainSettings) -> LearnerState:
     )
     seen = view(settings, np.asarray(shown.obs))
     return imitate.imitate(state, shown._replace(obs=seen), rng)
+
+
+def anchor(settings: TrainSettings) -> Anchor | None:
+    """What training is held near: the policy that imitated biased robots, if any did."""
+    prejudice = settings.world.prejudice
+    if prejudice == 0.0:
+        return None
+    return Anchor(begin(settings).policy, imitate.PULL * prejudice)
 
 
 def robot(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
@@ -100,6 +110,7 @@ def train(
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
     past = Past.empty(settings) if past is None else past
+    near = anchor(settings)
     lanes = Lanes(settings.people, settings.task)
     population = people.population(settings.world.population)
     for number in range(first_epoch, settings.epochs):
@@ -127,7 +138,14 @@ def train(
         updating_at = perf_counter()
         before = state.policy
         state, report = update(
-            state, trajectories, taught.advantage, taught.target, settings.update, rng, taught.fair
+            state,
+            trajectories,
+            taught.advantage,
+            taught.target,
+            settings.update,
+            rng,
+            taught.fair,
+            near,
         )
         updated_at = perf_counter()
         numbers = _numbers(settings, done.facts, epoch.scores, taught.even)

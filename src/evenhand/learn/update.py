@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -115,6 +115,18 @@ class LearnerState(eqx.Module):
     step: jax.Array
 
 
+class Anchor(NamedTuple):
+    """A policy to stay near: its teacher, as in kickstarting (Schmitt et al. 2018).
+
+    Attributes:
+        policy: its actor counts.
+        weight: of the mean divergence KL(anchor ‖ policy) over decisions, added to the loss.
+    """
+
+    policy: ActorCritic
+    weight: float
+
+
 @dataclass(frozen=True)
 class UpdateReport:
     """What one update did; averages over its gradient steps or over all valid decisions."""
@@ -173,7 +185,11 @@ def _log_prob(log_probabilities: jax.Array, action: jax.Array) -> jax.Array:
 
 
 def _objective(
-    policy: ActorCritic, batch: Decisions, old_log_prob: jax.Array, settings: UpdateSettings
+    policy: ActorCritic,
+    batch: Decisions,
+    old_log_prob: jax.Array,
+    anchor: Anchor | None,
+    settings: UpdateSettings,
 ) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
     """The number that a gradient step lowers, with its policy and value parts."""
     log_probabilities = policy.log_probabilities(batch.obs)
@@ -190,6 +206,9 @@ def _objective(
         + settings.value_coefficient * value_part
         - settings.entropy_coefficient * losses.entropy(log_probabilities, batch.mask)
     )
+    if anchor is not None:
+        held = anchor.policy.log_probabilities(batch.obs)
+        total = total + anchor.weight * losses.divergence(held, log_probabilities, batch.mask)
     return total, (policy_part, value_part)
 
 
@@ -210,6 +229,7 @@ def _steps(
     order: jax.Array,
     settings: UpdateSettings,
     with_surgery: bool,
+    anchor: Anchor | None,
 ) -> tuple[LearnerState, dict[str, jax.Array]]:
     mask = decisions.mask
     if settings.normalise_advantage:
@@ -232,11 +252,12 @@ def _steps(
             lambda x: jnp.take(x, chosen, axis=0, mode="fill", fill_value=0), (decisions, before)
         )
         (_, (policy_part, value_part)), gradient = jax.value_and_grad(_objective, has_aux=True)(
-            policy, batch, old, settings
+            policy, batch, old, anchor, settings
         )
         length = optax.tree.norm(gradient)
         if with_surgery:
-            uneven = jax.grad(_unevenness)(policy, batch, old, settings)
+            # Of the whole epoch: what is even in a minibatch may be uneven in the others.
+            uneven = jax.grad(_unevenness)(policy, decisions, before, settings)
             # Both are gradients of losses; the rule is about ascents, and the signs cancel.
             fair = surgery.surgery(uneven, gradient)
             gradient = jax.tree.map(jnp.add, gradient, fair)
@@ -271,6 +292,7 @@ def update(
     settings: UpdateSettings,
     rng: np.random.Generator,
     fair: Any = None,
+    anchor: Anchor | None = None,
 ) -> tuple[LearnerState, UpdateReport]:
     """Change the policy so that decisions with a high advantage become more likely.
 
@@ -286,6 +308,7 @@ def update(
         rng: deals the decisions into minibatches; only PPO draws from it.
         fair: advantage of each decision towards evenness, [N, L]: its gradient is added by
             gradient surgery, see ``surgery``. None leaves it out.
+        anchor: a policy to stay near; None leaves it out.
 
     Returns:
         The new state and what happened.
@@ -300,5 +323,5 @@ def update(
         order = np.arange(capacity, dtype=np.int32)[None]
     else:
         order = deal(count, capacity, settings.passes, settings.minibatches, rng)
-    state, report = _steps(state, decisions, order, settings, fair is not None)
+    state, report = _steps(state, decisions, order, settings, fair is not None, anchor)
     return state, UpdateReport(**{name: float(x) for name, x in report.items()})
