@@ -1,8 +1,6 @@
 """One update: its gradient against finite differences, what it learns, what it must not see."""
 
 import itertools
-from dataclasses import replace
-from typing import Any, Literal
 
 import jax
 import numpy as np
@@ -10,110 +8,22 @@ import pytest
 
 from evenhand.errors import InputError
 from evenhand.learn.batches import deal
-from evenhand.learn.policy import PolicySettings, response_probability, state_values
-from evenhand.learn.update import Trajectories, UpdateSettings, make_learner, update
-
-N, L, OBS = 8, 10, 3
-POLICY = PolicySettings(hidden=(4,))
-Algorithm = Literal["reinforce", "ppo"]
-ALGORITHMS: tuple[Algorithm, ...] = ("reinforce", "ppo")
-
-
-def rng(seed: int = 0) -> np.random.Generator:
-    return np.random.default_rng(seed)
-
-
-def services(seed: int = 0, n: int = N, places: int = L) -> Trajectories:
-    """Random services, of 1 to 5 decisions each."""
-    draw = rng(seed)
-    mask = np.arange(places) < draw.integers(1, 6, n)[:, None]
-    return Trajectories(
-        obs=draw.normal(size=(n, places, OBS)).astype(np.float32),
-        action=draw.integers(0, 2, (n, places)).astype(np.int32),
-        mask=mask.astype(np.float32),
-    )
-
-
-def grid(seed: int) -> np.ndarray:
-    return rng(seed).normal(size=(N, L)).astype(np.float32)
-
-
-def learner(settings: UpdateSettings, seed: int = 0):
-    return make_learner(OBS, POLICY, settings, rng(seed))
-
-
-def vector(state) -> np.ndarray:
-    """All weights, in declared order, in double precision."""
-    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(state.policy)]).astype(float)
-
-
-def assert_same_bits(a, b) -> None:
-    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
-        np.testing.assert_array_equal(x, y)
-
-
-# --- the gradient, against a NumPy policy in double precision ---
-
-
-class Reference:
-    """The loss written again in NumPy, and its slope by central differences."""
-
-    def __init__(self, trajectories, advantage, target, settings):
-        valid = trajectories.mask > 0
-        self.obs = trajectories.obs[valid].astype(float)
-        self.action = trajectories.action[valid]
-        self.advantage = advantage[valid].astype(float)
-        self.target = target[valid].astype(float)
-        self.settings = settings
-
-    def outputs(self, weights):
-        """Log π(a | s), probabilities and V; weights are actor W W b b, critic W W b b."""
-        sizes = [(OBS, 4), (4, 2), (4,), (2,), (OBS, 4), (4, 1), (4,), (1,)]
-        ends = np.cumsum([int(np.prod(size)) for size in sizes])
-        parts = np.split(weights, ends[:-1])
-        w1, w2, b1, b2, v1, v2, c1, c2 = (
-            part.reshape(size) for part, size in zip(parts, sizes, strict=True)
-        )
-        logits = np.tanh(self.obs @ w1 + b1) @ w2 + b2
-        log_p = logits - np.log(np.exp(logits).sum(axis=1, keepdims=True))
-        value = (np.tanh(self.obs @ v1 + c1) @ v2 + c2)[:, 0]
-        return log_p[np.arange(len(self.action)), self.action], log_p, value
-
-    def loss(self, weights, old):
-        log_prob, log_p, value = self.outputs(weights)
-        if self.settings.algorithm == "reinforce":
-            gain = np.mean(log_prob * self.advantage)
-        else:
-            r = np.exp(log_prob - old)
-            clipped = np.clip(r, 1 - self.settings.clip, 1 + self.settings.clip)
-            gain = np.mean(np.minimum(r * self.advantage, clipped * self.advantage))
-        entropy = -np.mean((np.exp(log_p) * log_p).sum(axis=1))
-        critic = 0.5 * np.mean((value - self.target) ** 2)
-        s = self.settings
-        return -gain + s.value_coefficient * critic - s.entropy_coefficient * entropy
-
-    def gradient(self, weights, old):
-        h = 1e-6
-        steps = h * np.eye(len(weights))
-        return np.array(
-            [(self.loss(weights + d, old) - self.loss(weights - d, old)) / (2 * h) for d in steps]
-        )
-
-
-def plain_steps(algorithm: Algorithm, **changes: Any) -> UpdateSettings:
-    """Settings under which Adam walks straight down the gradient.
-
-    With ε far above every gradient Adam's step is -(rate / ε)·m, where m is the mean gradient:
-    g₁ in the first step, (0.9·0.1 g₁ + 0.1 g₂) / (1 - 0.9²) in the second.
-    """
-    fixed: dict[str, Any] = {
-        "learning_rate": 2e4,
-        "adam_eps": 1e4,
-        "max_grad_norm": 1e6,
-        "normalise_advantage": False,
-        "entropy_coefficient": 0.1,
-    }
-    return UpdateSettings(algorithm=algorithm, **{**fixed, **changes})
+from evenhand.learn.policy import response_probability, state_values
+from evenhand.learn.update import Trajectories, UpdateSettings, update
+from support.updates import (
+    ALGORITHMS,
+    OBS,
+    L,
+    N,
+    Reference,
+    assert_same_bits,
+    grid,
+    learner,
+    plain_steps,
+    rng,
+    services,
+    vector,
+)
 
 
 def test_reinforce_steps_down_the_gradient():
@@ -358,160 +268,3 @@ def test_the_annealed_step_size_falls_evenly_to_nothing(algorithm):
     assert moved[0] == pytest.approx(0.01, rel=1e-3)
     assert 0.0 < moved[1] < 0.0075
     assert moved[2] == 0.0
-
-
-# --- with gradient surgery ---
-
-
-def surgical_steps(reference: Reference, fairness: Reference, start: np.ndarray, steps: int):
-    """Weights after each plain step, by the rules of surgery on numerical gradients.
-
-    Both are gradients of what falls. Where they conflict, the fair one loses its part along the
-    service one; and a step that would raise unevenness loses that part.
-    """
-    old, momentum, weights, out = reference.outputs(start)[0], 0.0, start, []
-    for k in range(1, steps + 1):
-        service, fair = reference.gradient(weights, old), fairness.gradient(weights, old)
-        kept = fair - min(fair @ service, 0.0) * service / (service @ service)
-        momentum = 0.9 * momentum + 0.1 * (service + kept)
-        change = -2 * momentum / (1 - 0.9**k)
-        change = change - max(change @ fair, 0.0) * fair / (fair @ fair)
-        weights = weights + change
-        out.append(weights)
-    return out
-
-
-def references(settings: UpdateSettings, trajectories, fair) -> tuple[Reference, Reference]:
-    """Of service, and of evenness: nothing but the policy loss with the fair advantages."""
-    bare = replace(settings, value_coefficient=0.0, entropy_coefficient=0.0)
-    return (
-        Reference(trajectories, grid(1), grid(2), settings),
-        Reference(trajectories, fair, grid(2), bare),
-    )
-
-
-FAIRS = {
-    "in conflict": -grid(1) + 0.3 * grid(7),
-    "in agreement": grid(1) + 0.3 * grid(7),
-    "strong": -20 * grid(1) + 20 * grid(7),
-    "weak": -0.05 * grid(1) + 0.1 * grid(7),
-}
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-@pytest.mark.parametrize("kind", FAIRS)
-def test_steps_of_surgery(algorithm, kind):
-    steps = 2 if algorithm == "ppo" else 1
-    settings = plain_steps(algorithm, passes=2, minibatches=1)
-    state, trajectories, fair = learner(settings), services(), FAIRS[kind]
-    expected = surgical_steps(*references(settings, trajectories, fair), vector(state), steps)
-    after, _ = update(state, trajectories, grid(1), grid(2), settings, rng(), fair)
-    moved = expected[-1] - vector(state)
-    np.testing.assert_allclose(
-        vector(after), expected[-1], rtol=1e-3, atol=1e-4 * np.abs(moved).max()
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-@pytest.mark.parametrize("adam", [False, True])
-def test_no_step_raises_unevenness(algorithm, adam):
-    """What the service wants is the opposite of what evenness wants, and has its way nowhere."""
-    sizes: dict[str, Any] = {"passes": 1, "minibatches": 1, "normalise_advantage": True}
-    settings = (
-        UpdateSettings(algorithm=algorithm, learning_rate=0.003, **sizes)
-        if adam
-        else plain_steps(algorithm, **sizes)
-    )
-    state, trajectories, fair = learner(settings), services(), FAIRS["in conflict"]
-    _, fairness = references(settings, trajectories, fair)
-    start = vector(state)
-    uneven = fairness.gradient(start, fairness.outputs(start)[0])
-
-    def rise(given) -> float:
-        """Cosine of the step with the direction in which unevenness grows."""
-        after, _ = update(state, trajectories, grid(1), grid(2), settings, rng(), given)
-        step = vector(after) - start
-        return float(step @ uneven / np.linalg.norm(step) / np.linalg.norm(uneven))
-
-    assert rise(None) > 0.2
-    assert rise(fair) < 1e-3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("algorithm", "minibatches", "share"),
-    [("reinforce", 1, 0.02), ("ppo", 1, 0.02), ("ppo", 4, 0.6)],
-)
-def test_over_ten_updates_unevenness_hardly_rises(algorithm, minibatches, share):
-    """Each step keeps to the decisions that it sees: minibatches let some of the rise through."""
-    settings = UpdateSettings(
-        algorithm=algorithm, learning_rate=0.003, passes=4, minibatches=minibatches
-    )
-    trajectories, fair = services(), FAIRS["in conflict"]
-    _, fairness = references(settings, trajectories, fair)
-
-    def unevenness(updates: int, given=None) -> float:
-        state = learner(settings)
-        for _ in range(updates):
-            state, _ = update(state, trajectories, grid(1), grid(2), settings, rng(), given)
-        return -float(np.mean(fairness.outputs(vector(state))[0] * fairness.advantage))
-
-    before = unevenness(0)
-    without = unevenness(10) - before
-    assert without > 0.01
-    assert unevenness(10, fair) - before < share * without
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_nothing_to_be_fair_about_changes_nothing(algorithm):
-    settings = UpdateSettings(algorithm=algorithm)
-    plain = with_zeros = learner(settings)
-    for epoch in range(3):
-        batch = services(epoch)
-        plain, one = update(plain, batch, grid(1), grid(2), settings, rng(epoch))
-        with_zeros, two = update(
-            with_zeros, batch, grid(1), grid(2), settings, rng(epoch), np.zeros((N, L))
-        )
-        for name, number in vars(one).items():
-            assert getattr(two, name) == pytest.approx(number, rel=1e-4, abs=1e-6), name
-    np.testing.assert_allclose(vector(with_zeros), vector(plain), rtol=1e-4, atol=1e-6)
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_left_out_is_the_default(algorithm):
-    settings = UpdateSettings(algorithm=algorithm)
-    state = learner(settings)
-    once = update(state, services(), grid(1), grid(2), settings, rng())
-    again = update(state, services(), grid(1), grid(2), settings, rng(), None)
-    assert_same_bits(once[0], again[0])
-    assert once[1] == again[1]
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_fair_advantages_of_decisions_that_did_not_happen_have_no_influence(algorithm):
-    settings = UpdateSettings(algorithm=algorithm)
-    state, trajectories = learner(settings), services()
-    given = trajectories, grid(1), grid(2), settings
-    clean, _ = update(state, *given, rng(), grid(7))
-    soiled = np.where(trajectories.mask == 0, np.nan, grid(7))
-    found, _ = update(state, *given, rng(), soiled)
-    assert_same_bits(clean, found)
-
-
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_fair_advantages_are_on_the_scale_of_the_others(algorithm):
-    """Four times both, exact in binary: normalising takes the same scale from both."""
-    settings = UpdateSettings(algorithm=algorithm)
-    state = learner(settings)
-    once, _ = update(state, services(), grid(1), grid(2), settings, rng(), grid(7))
-    again, _ = update(state, services(), 4 * grid(1), grid(2), settings, rng(), 4 * grid(7))
-    other, _ = update(state, services(), grid(1), grid(2), settings, rng(), 4 * grid(7))
-    assert_same_bits(once, again)
-    assert not np.array_equal(vector(once), vector(other))
-
-
-def test_fair_advantages_of_another_shape_are_refused():
-    settings = UpdateSettings()
-    with pytest.raises(ValueError, match=r"fair has shape \(8, 9\), the mask has \(8, 10\)"):
-        update(learner(settings), services(), grid(1), grid(2), settings, rng(), grid(7)[:, 1:])
