@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,9 @@ SERVICE_KINDS = ("influence", "surgery", "levelup")
 KINDS = ("none", "score", "penalty", *SERVICE_KINDS)
 WHEN = ("always", "biased")
 CREDITS = ("own_groups", "epoch")
+
+STRENGTH: Mapping[str, float] = {"influence": 1.0, "surgery": 1.0, "levelup": 10.0}
+"""``CreditSettings.strength`` of each kind that was best of four on seeds kept for tuning."""
 
 TAU: Mapping[str, tuple[float, float, float, float]] = {
     "equal": (1.0, 1.0, 1.0, 1.0),
@@ -67,6 +70,21 @@ class GuidanceSettings:
         check_tau(self.tau)
         if not 0.0 <= self.penalty <= 1.0:
             raise InputError(f"penalty is {self.penalty}: lambda multiplies rewards, give 0 to 1")
+
+
+def guided(kind: str, strength: float | None = None, **others: Any) -> GuidanceSettings:
+    """Guidance of a kind with the strength that suits it.
+
+    Args:
+        kind: one of ``KINDS``.
+        strength: of evenness; by default the kind's own, see ``STRENGTH``.
+        **others: fields of ``GuidanceSettings``.
+
+    Raises:
+        InputError: for an unknown kind, or a strength that is not finite or below 0.
+    """
+    chosen = STRENGTH.get(kind, 1.0) if strength is None else strength
+    return GuidanceSettings(kind, weigh=CreditSettings(strength=chosen), **others)  # type: ignore[arg-type]
 
 
 def check_tau(tau: Sequence[float]) -> np.ndarray:

@@ -47,6 +47,11 @@ def test_the_whole_comparison_has_every_run_once():
     assert len({cell.folder(CompareSettings.out) for cell in cells}) == len(cells)
 
 
+def test_seeds_begin_where_they_are_told():
+    cells = CompareSettings(seeds=2, first_seed=100).cells()
+    assert {cell.seed for cell in cells} == {100, 101}
+
+
 @pytest.mark.parametrize("arm", ["levelup", "levelup@2", "elbert@0.25", "service"])
 def test_an_arm_is_a_method_and_perhaps_a_strength(arm):
     assert arm_of(*method_of(arm)) == arm
@@ -81,6 +86,7 @@ def test_cells_are_sorted_as_they_are_listed():
         ({"arms": ("levelup@nan",)}, "arm levelup@nan: give a finite strength of at least 0"),
         ({"algorithms": ("pp",)}, "unknown algorithm 'pp': did you mean 'ppo'"),
         ({"algorithms": ("ppo", "ppo")}, "an entry of algorithms is given twice: ppo, ppo"),
+        ({"first_seed": -1}, "first_seed is -1: give a whole number from 0 to 100000"),
         ({"seeds": 0}, "seeds is 0: give a whole number from 1 to 1000"),
         ({"epochs": 1}, "epochs is 1: give a whole number from 2 to 100000"),
         ({"services": 299}, "services is 299: give a whole number from 300 to 100000"),
@@ -107,10 +113,12 @@ def test_every_arm_differs_from_service_alone_in_its_method_only():
     assert plain.update.algorithm == "reinforce"
     assert not plain.unaware
     for kind in ("score", "penalty", *guidance.SERVICE_KINDS):
-        told = guidance.GuidanceSettings(kind=kind)  # type: ignore[arg-type]
-        assert training(kind) == replace(plain, guidance=told)
+        weight = ARMS[kind].strength or plain.evenness_weight
+        told = replace(plain, guidance=guidance.guided(kind), evenness_weight=weight)
+        assert training(kind) == told
     for name in ("lagrangian", "a_ppo", "elbert", "group_dro", "ggf"):
-        assert training(name) == replace(plain, rival=name)
+        told = replace(plain, rival=name, rival_strength=ARMS[name].strength)
+        assert training(name) == told
     assert training("unaware") == replace(plain, unaware=True)
     assert training("service", "ppo").update.algorithm == "ppo"
 

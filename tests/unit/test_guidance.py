@@ -8,7 +8,14 @@ from hypothesis.extra import numpy as hnp
 
 from evenhand import guidance, issues
 from evenhand.errors import InputError
-from evenhand.guidance import TAU, GuidanceSettings, evenness_reward
+from evenhand.guidance import (
+    SERVICE_KINDS,
+    STRENGTH,
+    TAU,
+    GuidanceSettings,
+    evenness_reward,
+    guided,
+)
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
@@ -156,3 +163,12 @@ class TestWrongSettings:
             GuidanceSettings(kind=wrong["kind"])  # type: ignore[arg-type]
         with pytest.raises(InputError, match="unknown credit 'epochs': did you mean 'epoch'"):
             GuidanceSettings(credit=wrong["credit"])  # type: ignore[arg-type]
+
+    def test_a_kind_comes_with_its_own_strength(self):
+        assert set(STRENGTH) == set(SERVICE_KINDS)
+        assert guided("levelup").weigh.strength == STRENGTH["levelup"]
+        assert guided("levelup", 0.0).weigh.strength == 0.0
+        assert guided("none") == GuidanceSettings("none")
+        assert guided("score", credit="epoch") == GuidanceSettings("score", credit="epoch")
+        with pytest.raises(InputError, match="strength is nan"):
+            guided("levelup", NAN)

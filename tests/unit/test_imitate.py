@@ -141,8 +141,27 @@ def test_the_same_seed_imitates_the_same(learned):
         np.testing.assert_array_equal(old, new)
 
 
-def test_a_run_begins_with_it_in_its_scenario_only(monkeypatch):
+@pytest.fixture
+def few(monkeypatch):
+    """Few demonstrations, and nothing of them kept for other tests."""
     monkeypatch.setattr(imitate, "SERVICES", 60)
+    train.begin.cache_clear()
+    yield
+    train.begin.cache_clear()
+
+
+def test_training_is_held_near_it_in_its_scenario_only(few):
+    held = train.anchor(SETTINGS)
+    assert held is not None
+    assert held.weight == imitate.PULL
+    for old, new in zip(
+        jax.tree.leaves(train.begin(SETTINGS).policy), jax.tree.leaves(held.policy), strict=True
+    ):
+        np.testing.assert_array_equal(old, new)
+    assert train.anchor(replace(SETTINGS, scenario="perception+tips")) is None
+
+
+def test_a_run_begins_with_it_in_its_scenario_only(few):
 
     def same_actor(settings: TrainSettings) -> bool:
         old, new = (f(settings).policy.actor.weights[0] for f in (train.untrained, train.begin))
@@ -153,8 +172,7 @@ def test_a_run_begins_with_it_in_its_scenario_only(monkeypatch):
     assert same_actor(replace(SETTINGS, scenario="tips"))
 
 
-def test_the_unaware_cannot_take_it_over(monkeypatch):
-    monkeypatch.setattr(imitate, "SERVICES", 60)
+def test_the_unaware_cannot_take_it_over(few):
     chosen = replace(SETTINGS, unaware=True)
     policy = train.begin(chosen).policy
     robot = train.robot(chosen, policy)

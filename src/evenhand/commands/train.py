@@ -49,7 +49,7 @@ class Train:
     influence: each service costs what it adds to the total issue score.
     surgery: the gradient towards evenness, without what conflicts with service."""
 
-    strength: float = 1.0
+    strength: Annotated[float | None, arg(help_behavior_hint="(its own)")] = None
     """Weight of influence, surgery or levelup beside a perfect service's 1."""
 
     scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
@@ -100,7 +100,7 @@ class Train:
     def run(self, command: str) -> int:
         """Train and print where the run is."""
         inputs.load_physics()
-        from evenhand import credit, guidance, show
+        from evenhand import guidance, show
         from evenhand.learn import run
         from evenhand.learn.runtime import set_up_jax
         from evenhand.learn.settings import settings_of
@@ -117,12 +117,12 @@ class Train:
         settings = replace(
             base,
             people=self.people,
-            guidance=guidance.GuidanceSettings(
+            guidance=guidance.guided(
                 self.guidance,
-                self.credit,
-                inputs.parse_tau(self.tau),
-                self.penalty,
-                weigh=credit.CreditSettings(strength=self.strength),
+                self.strength,
+                credit=self.credit,
+                tau=inputs.parse_tau(self.tau),
+                penalty=self.penalty,
             ),
             scenario=self.scenario,
             rival=self.rival,

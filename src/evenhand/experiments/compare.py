@@ -108,6 +108,7 @@ def training_of(cell: Cell, epochs: int) -> TrainSettings:
     """
     method, strength = method_of(cell.arm)
     arm = ARMS[method]
+    strength = arm.strength if strength is None else strength
     algorithm = cell.algorithm if arm.learns else "ppo"
     base = settings_of("service", algorithm, arm.guidance, seed=cell.seed, epochs=epochs)
     stronger: dict[str, Any] = {}

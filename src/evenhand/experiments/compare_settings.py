@@ -26,12 +26,15 @@ class Arm:
         guidance: kind of guidance, one of ``guidance.KINDS``.
         rival: one of ``learn.rivals``, or none.
         unaware: hide from the policy whom it serves.
+        strength: that trades evenness for service, where it was tuned for the comparison; else the
+            method's own.
         learns: False for what is there without learning; it is the same for every algorithm.
     """
 
     guidance: str = "none"
     rival: str = "none"
     unaware: bool = False
+    strength: float | None = None
     learns: bool = True
 
     @property

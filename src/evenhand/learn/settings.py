@@ -158,6 +158,6 @@ def settings_of(
         seed=seed,
         epochs=epochs,
         population=population,
-        guidance=guidance.GuidanceSettings(kind=kind),  # type: ignore[arg-type]
+        guidance=guidance.guided(kind),
         update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
     )
