@@ -11,7 +11,8 @@ Each gap is studentised with the hypergeometric variance of Mantel and Haenszel 
 strata: then a rare issue in a small group and a frequent one in a large group are on one scale,
 and a gap keeps its error near the stated one although other gaps are real (DiCiccio et al. 2020).
 
-For many windows at once, or counts without rows: :mod:`evenhand.inference.windows`.
+For many windows at once, or counts without rows: :mod:`evenhand.inference.windows`; for
+logs of any size, as counts: :mod:`evenhand.inference.tables`.
 """
 
 from __future__ import annotations
@@ -224,26 +225,45 @@ def against_orders(
     def parts_of(order: np.ndarray) -> list[Counts]:
         return [count(x[order[..., rows]], inside[rows]) for rows in own]
 
+    return against_parts(parts_of(np.arange(len(x))), (parts_of(order) for order in chunks))
+
+
+def against_parts(
+    observed_parts: list[Counts],
+    drawn_parts: Iterable[list[Counts]],
+    totalled: int | None = None,
+) -> PermutationTest:
+    """The test from the counts of each stratum, as they are and as permutations make them.
+
+    Args:
+        observed_parts: of each stratum, [G, K].
+        drawn_parts: chunks of permutations: of each stratum, [b, G, K].
+        totalled: the total is that of the first so many groups; of all by default.
+    """
+
     def summary(parts: list[Counts]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         gap = gaps(sum(parts[1:], parts[0]))
-        return np.nan_to_num(np.abs(studentised(parts))), gap, total(issue_score(gap))
+        return (
+            np.nan_to_num(np.abs(studentised(parts))),
+            gap,
+            total(issue_score(gap[..., :totalled, :])),
+        )
 
-    observed_parts = parts_of(np.arange(len(x)))
     signed = studentised(observed_parts)
     observed, _, raw_total = summary(observed_parts)
     above, above_max = np.zeros(observed.size), np.zeros(observed.size)
     gap_sum, gap_n = np.zeros(observed.shape), np.zeros(observed.shape)
     total_sum, total_n, total_above, drawn = 0.0, 0, 0, 0
-    for order in chunks:
-        values, gap, totals = summary(parts_of(order))
-        one, greatest = exceedances(values.reshape(len(order), -1), observed.ravel())
+    for parts in drawn_parts:
+        values, gap, totals = summary(parts)
+        one, greatest = exceedances(values.reshape(len(values), -1), observed.ravel())
         above, above_max = above + one, above_max + greatest
         gap_sum += np.nan_to_num(gap).sum(axis=0)
         gap_n += (~np.isnan(gap)).sum(axis=0)
         total_sum += float(np.nansum(totals))
         total_n += int((~np.isnan(totals)).sum())
         total_above += int((~(totals < raw_total - TIE)).sum())  # missing counts as above
-        drawn += len(order)
+        drawn += len(values)
 
     missing = np.isnan(signed)
     p = ((1 + above) / (drawn + 1)).reshape(observed.shape)

@@ -22,7 +22,8 @@ from scipy.stats import norm
 from evenhand import errors
 from evenhand.errors import InputError
 from evenhand.inference.chance import check_counts, check_level, newcombe
-from evenhand.inference.permutation import permutation_test
+from evenhand.inference.permutation import PermutationTest, permutation_test
+from evenhand.inference.tables import Table
 from evenhand.inference.windows import fisher, holm
 from evenhand.issues import Counts, count, signed_gaps
 
@@ -114,6 +115,38 @@ def judge(
     test = permutation_test(x, inside, rng, chosen.permutations, strata)
     counts = count(np.asarray(x, float), np.asarray(inside, float))
     return _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen)
+
+
+def judge_table(
+    x: np.ndarray,
+    inside: np.ndarray,
+    n: np.ndarray,
+    rng: np.random.Generator,
+    settings: VerdictSettings | None = None,
+    strata: np.ndarray | None = None,
+    who: np.ndarray | None = None,
+    totalled: int | None = None,
+) -> tuple[Verdicts, PermutationTest]:
+    """Verdicts on a log of any size from its counts, by permutation; and the test behind them.
+
+    Args:
+        x: indicators, [C, K], NaN where an issue does not apply.
+        inside: membership, [C, G], or of identity vectors, [I, G], if ``who`` is given.
+        n: services that each row stands for, [C].
+        rng: source of randomness.
+        settings: level, relevant difference, power.
+        strata: whole numbers [C]; as in :func:`judge`.
+        who: row of ``inside`` for each row of ``x``, [C].
+        totalled: the total issue score is that of the first so many groups; of all by default.
+
+    Raises:
+        InputError: as :func:`evenhand.inference.tables.table_test`.
+    """
+    chosen = settings or VerdictSettings()
+    table = Table.of(x, inside, n, strata, who)
+    test = table.test(rng, chosen.permutations, totalled)
+    counts = table.counts()
+    return _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen), test
 
 
 def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> Verdicts:

@@ -87,7 +87,7 @@ class APPO:
     omega: float = 0.1
     """Total issue score that is allowed."""
 
-    windows: int = 4
+    windows: int = 8
     """Epochs that the running score is pooled over, the running one included."""
 
     def __post_init__(self) -> None:
@@ -122,7 +122,7 @@ class RPPO:
     omega: float = 0.0
     """A total issue score below this costs nothing."""
 
-    windows: int = 4
+    windows: int = 8
     """Epochs that the running score is pooled over, the running one included."""
 
     def __post_init__(self) -> None:
@@ -166,7 +166,7 @@ class Elbert:
     sharpness: float = 20.0
     """How nearly soft max and min are max and min, for more than two groups."""
 
-    windows: int = 4
+    windows: int = 8
     """Epochs that rates are pooled over, the running one included."""
 
     def __post_init__(self) -> None:

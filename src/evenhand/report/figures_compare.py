@@ -1,6 +1,6 @@
 """Room: the figures of the comparison: evenness against service, a panel a scenario.
 
-Takes: one row for each arm. Gives: SVG (wide and for a phone), PDF and CSV of each algorithm.
+Takes: one row for each arm. Gives: a figure of each algorithm, and their files.
 """
 
 from __future__ import annotations
@@ -38,42 +38,60 @@ METHODS = {
     "ggf": Look("GGF", style.VERMILLION, "X", filled=False),
 }
 """Evenhand's and the paper's methods are filled, the others hollow."""
+ALGORITHMS = {"ppo": ", PPO", "reinforce": ", REINFORCE"}
 _AIMS = ("corrected_total", "perfect_rate")
 _ENDS = ("", "_low", "_high")
-_POOLED = "all"
+POOLED = "all"
+"""Rows over all scenarios but even; they are no panel."""
+OWN = ("levelup", "influence", "surgery")
+"""Evenhand's own methods, the recommended one first."""
 
 
-def write(folder: Path, rows: Sequence[Mapping[str, Any]], services: int) -> list[Path]:
-    """Draw and write the figures: one for each algorithm, with the arms that learn nothing.
+def draw_all(rows: Sequence[Mapping[str, Any]], services: int) -> list[figures.Drawn]:
+    """Draw a figure for each algorithm, with the arms that learn nothing.
 
     Args:
-        folder: exists.
         rows: scenario, algorithm, arm, seeds, and corrected_total and perfect_rate each with
             _low and _high; NaN where missing.
         services: in the test of every run.
-
-    Returns:
-        The files.
     """
     columns = [f"{aim}{end}" for aim in _AIMS for end in _ENDS]
     names = ["scenario", "algorithm", "arm", "seeds", *columns]
     data = table(
-        names, [[row[name] for name in names] for row in rows if row["scenario"] != _POOLED]
+        names, [[row[name] for name in names] for row in rows if row["scenario"] != POOLED]
     )
-    written = []
+    found = []
     learning = [name for name in data.distinct("algorithm") if name != "none"]
     for algorithm in learning or ["none"]:
         keep = (data["algorithm"] == algorithm) | (data["algorithm"] == "none")
         part = Table({name: cells[keep] for name, cells in data.columns.items()})
-        drawn = figures.draw(_plate(algorithm, services), Results({"compare": part}, {}, []))
-        base = folder / drawn.plate.name
+        found.append(figures.draw(_plate(algorithm, services), Results({"compare": part}, {}, [])))
+    return found
+
+
+def write(folder: Path, drawn: Sequence[figures.Drawn]) -> list[Path]:
+    """Write figures as SVG (wide and for a phone), PDF and CSV.
+
+    Args:
+        folder: exists.
+        drawn: the figures.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: when the folder cannot be written.
+    """
+    written = []
+    for figure in drawn:
+        base = folder / figure.plate.name
         contents = {
-            base.with_suffix(".svg"): drawn.svg.encode(),
-            base.with_suffix(".pdf"): drawn.pdf,
-            base.with_suffix(".csv"): drawn.csv.encode(),
+            base.with_suffix(".svg"): figure.svg.encode(),
+            base.with_suffix(".pdf"): figure.pdf,
+            base.with_suffix(".csv"): figure.csv.encode(),
         }
-        if drawn.narrow_svg is not None:
-            contents[base.with_name(f"{base.name}-narrow.svg")] = drawn.narrow_svg.encode()
+        if figure.narrow_svg is not None:
+            contents[base.with_name(f"{base.name}-narrow.svg")] = figure.narrow_svg.encode()
         for path, content in contents.items():
             files.write_bytes(path, content)
         written += list(contents)
@@ -83,7 +101,7 @@ def write(folder: Path, rows: Sequence[Mapping[str, Any]], services: int) -> lis
 def _plate(algorithm: str, services: int) -> figures.Plate:
     return figures.Plate(
         f"compare_{algorithm}",
-        "Evenness against service",
+        f"Evenness against service{ALGORITHMS.get(algorithm, '')}",
         "",
         "learning",
         "Scatter charts, one panel a scenario, one mark an arm: corrected total issue score "
@@ -102,15 +120,17 @@ def draw(data: Table, wide: bool) -> Figure:
     methods = [name for name in METHODS if name in {_method(arm) for arm in data["arm"]}]
     legend = 0.18 * math.ceil(len(methods) / (5 if wide else 2)) + 0.15
     figure, axes = style.panels(wide, lines, columns, (2.3 if wide else 2.5) * lines + legend)
-    for ax, scenario in zip(axes, scenarios, strict=False):
+    for place, (ax, scenario) in enumerate(zip(axes, scenarios, strict=False)):
         part = data.where(scenario=scenario)
         for method in methods:
             _series(ax, part, method)
         _look_closer(ax, part)
         ax.axhline(0.0, color=style.GREY, linewidth=0.8, linestyle=":")
-        ax.set_title(scenario)
-        ax.set_xlabel("perfect services, %")
-        ax.set_ylabel("corrected total issue score")
+        ax.set_title(scenario, pad=15)
+        if place + columns >= len(scenarios):  # nothing below it
+            ax.set_xlabel("perfect services, %")
+        if place % columns == 0:
+            ax.set_ylabel("corrected total issue score")
         ax.locator_params(nbins=5)
     for ax in axes[len(scenarios) :]:
         ax.set_axis_off()
@@ -133,10 +153,14 @@ def _series(ax: Axes, part: Table, method: str) -> None:
     rows.sort(key=lambda row: row["perfect_rate"])
     x, x_low, x_high = (np.array([100 * row[f"perfect_rate{e}"] for row in rows]) for e in _ENDS)
     y, y_low, y_high = (np.array([row[f"corrected_total{e}"] for row in rows]) for e in _ENDS)
-    for i in range(len(rows)):
-        ax.plot([x_low[i], x_high[i]], [y[i], y[i]], color=look.colour, linewidth=0.9)
-        ax.plot([x[i], x[i]], [y_low[i], y_high[i]], color=look.colour, linewidth=0.9)
-    ax.plot(x, y, **look.marks(), markersize=4.8, linewidth=0.9, linestyle="--", zorder=4)
+    front = 7 if method == OWN[0] else 6 if method in OWN else 5 if look.filled else 4
+    for i, row in enumerate(rows):
+        line = {"color": look.colour, "linewidth": 0.9, "alpha": 0.7, "zorder": front - 2.5}
+        ax.plot([x_low[i], x_high[i]], [y[i], y[i]], **line)
+        ax.plot([x[i], x[i]], [y_low[i], y_high[i]], **line)
+        size = 3.6 if "@" in row["arm"] else 5.2
+        ax.plot(x[i], y[i], **look.marks(), markersize=size, linestyle="none", zorder=front)
+    ax.plot(x, y, color=look.colour, linewidth=0.9, linestyle="--", zorder=front - 0.5)
 
 
 def _look_closer(ax: Axes, part: Table) -> None:
@@ -153,12 +177,17 @@ def _look_closer(ax: Axes, part: Table) -> None:
             return
         low, high = float(np.nanmin(numbers)), float(np.nanmax(numbers))
         margin = max(0.08 * (high - low), 0.005 * scale)
-        ax.set(**{f"{axis}lim": (low - margin, high + margin)})
+        low, high = low - margin, high + margin
+        if aim == "perfect_rate":  # nothing lies beyond 100 %; half a mark has to fit in
+            width = high - low
+            low, high = max(low, -0.04 * width), min(high, 100 + 0.04 * width)
+        ax.set(**{f"{axis}lim": (low, high)})
     for x, y in at:
         (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
         if not (left <= x <= right and bottom <= y <= top):
-            text = f"untrained: {x:.0f} %, {y:.3f}"
-            ax.set_title(text, loc="right", color=style.GREY, fontsize=7, fontweight="normal")
+            text = f"untrained: {x:.0f} % perfect, score {y:.3f}"
+            ax.annotate(text, (0, 1), (0, 4), xycoords="axes fraction",
+                        textcoords="offset points", color=style.GREY, fontsize=7)  # fmt: skip
 
 
 def caption(data: Table, services: int) -> str:
@@ -168,6 +197,7 @@ def caption(data: Table, services: int) -> str:
     return (
         f"Tests on {services:,} services a seed that no robot was trained on, {n} seeds an arm. "
         "Marks: interquartile means; lines: 95 % bootstrap intervals. The corrected total issue "
-        "score is that of all services less what chance alone gives: 0 is even. An "
+        "score is that of all services less what chance alone gives: 0 is even, so the best place "
+        "is at the lower right. Small marks are other strengths of a method, joined to it. An "
         "untrained robot far from all others is given in numbers."
     )
