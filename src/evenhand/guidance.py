@@ -18,7 +18,7 @@ KINDS = ("none", "score", "penalty", *SERVICE_KINDS)
 WHEN = ("always", "biased")
 CREDITS = ("own_groups", "epoch")
 
-STRENGTH: Mapping[str, float] = {"influence": 1.0, "surgery": 1.0, "levelup": 10.0}
+STRENGTH: Mapping[str, float] = {"influence": 0.5, "surgery": 1.0, "levelup": 5.0}
 """``CreditSettings.strength`` of each kind that was best of four on seeds kept for tuning."""
 
 TAU: Mapping[str, tuple[float, float, float, float]] = {

@@ -47,20 +47,21 @@ ARMS: Mapping[str, Arm] = {
     "reference": Arm(learns=False),
     "untrained": Arm(learns=False),
     "service": Arm(),
-    "score": Arm("score"),
-    "penalty": Arm("penalty"),
+    "score": Arm("score", strength=2.0),
+    "penalty": Arm("penalty", strength=1.0),
     "influence": Arm("influence"),
     "surgery": Arm("surgery"),
     "levelup": Arm("levelup"),
     "unaware": Arm(unaware=True),
-    "lagrangian": Arm(rival="lagrangian"),
-    "a_ppo": Arm(rival="a_ppo"),
-    "elbert": Arm(rival="elbert"),
-    "group_dro": Arm(rival="group_dro"),
-    "ggf": Arm(rival="ggf"),
+    "lagrangian": Arm(rival="lagrangian", strength=0.05),
+    "a_ppo": Arm(rival="a_ppo", strength=1.0),
+    "elbert": Arm(rival="elbert", strength=0.02),
+    "group_dro": Arm(rival="group_dro", strength=0.1),
+    "ggf": Arm(rival="ggf", strength=0.9),
 }
 """Scripted robot of ``scenarios.reference``; policy before training (in ``prejudiced``, after
-imitation); training on service alone; the paper's guidance; Evenhand's; the rivals."""
+imitation); training on service alone; the paper's guidance; Evenhand's; the rivals. Strengths were
+tuned on seeds of their own (``results/tuning.csv``)."""
 
 
 def method_of(arm: str) -> tuple[str, float | None]:
