@@ -8,6 +8,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
+    "AuditSettings": "evenhand.audits.results",
     "Detector": "evenhand.detector",
     "InputError": "evenhand.errors",
     "Interactions": "evenhand.interactions",
@@ -16,6 +17,7 @@ _PUBLIC = {
     "ScriptedRobot": "evenhand.robots",
     "Thresholds": "evenhand.issues",
     "TrainSettings": "evenhand.learn.settings",
+    "audit": "evenhand.audits.api",
     "load_detector": "evenhand.detector_io",
     "paper_issues": "evenhand.issues",
     "score": "evenhand.issues",

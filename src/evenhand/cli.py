@@ -24,6 +24,8 @@ COMMANDS = {
     "train": ("train.Train", "train one robot in a run folder; run it again to resume"),
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
     "compare": ("compare.Compare", "compare ways to evenness, rivals included, in every scenario"),
+    "audit": ("audit.Audit", "audit the log of any service robot: who is served unevenly?"),
+    "example": ("example.Example", "write a synthetic log to try an audit on"),
     "demos": ("demos.Demos", "let scripted robots serve, and simulated respondents judge them"),
     "alarms": ("alarms.Alarms", "false alarms and power of the verdicts, simulated"),
     "calibrate": ("calibrate.Calibrate", "search odds that bring robots near the paper's scores"),

@@ -30,7 +30,7 @@ def compare(apart) -> Callable[..., str]:
     def run(out: Path, *words: object) -> str:
         ended = apart("compare", "--out", out, *words)
         assert ended.code == 0, ended.err
-        assert ended.out.endswith(f"\n{out}\n")
+        assert ended.out.endswith(f"\n{out / 'report.html'}\n")
         assert ended.err.count("\n") == 1
         return ended.err
 
@@ -115,8 +115,8 @@ def test_results_are_tidy_and_complete(calm):
 
 def test_every_promised_file_is_there(calm):
     assert sorted(path.name for path in calm.iterdir() if path.name != ".lock") == [
-        "experiment.json", "figures", "fronts.csv", "manifest.json", "results.csv", "runs",
-        "summary.csv",
+        "experiment.json", "figures", "fronts.csv", "manifest.json", "report.html",
+        "results.csv", "runs", "summary.csv",
     ]  # fmt: skip
     assert {path.suffix for path in (calm / "figures").iterdir()} == {".svg", ".pdf", ".csv"}
     assert not [path for path in calm.rglob("*") if path.suffix == ".part"]

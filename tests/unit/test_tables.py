@@ -11,6 +11,7 @@ import pytest
 from evenhand.detector_report import CalibrationBin, wilson
 from evenhand.errors import InputError
 from evenhand.experiments import tables
+from evenhand.experiments.corrected import Record
 from evenhand.experiments.demos import Demos, Study
 from evenhand.interactions import Interactions
 from evenhand.people import IDENTITIES
@@ -228,6 +229,31 @@ class TestStudy:
             ("racism", "racism", 7),
         ]
 
+    def test_judges_by_hand(self):
+        raw = Record(
+            "raw", wilson(3, 4), wilson(2, 4), wilson(1, 2), 0.125,
+            (CalibrationBin(0.0, 0.1, 0.05, wilson(1, 2)),
+             CalibrationBin(0.1, 0.2, NAN, wilson(0, 0))),
+        )  # fmt: skip
+        threshold = Record("threshold", wilson(4, 4), None, wilson(0, 2))
+        rows = tables.judges([raw, threshold])
+        assert [(row["judge"], row["measure"], row["value"], row["n"]) for row in rows] == [
+            ("raw", "accuracy", 0.75, 4),
+            ("raw", "agreement", 0.5, 4),
+            ("raw", "false_alarms", 0.5, 2),
+            ("raw", "brier", 0.125, 4),
+            ("raw", "calibration", 0.5, 2),
+            ("raw", "calibration", None, 0),
+            ("threshold", "accuracy", 1.0, 4),
+            ("threshold", "false_alarms", 0.0, 2),
+        ]
+        assert (rows[0]["ci_low"], rows[0]["ci_high"]) == (wilson(3, 4).low, wilson(3, 4).high)
+        assert [(row["bin"], row["predicted"]) for row in rows[4:6]] == [
+            ("0.0-0.1", 0.05),
+            ("0.1-0.2", None),
+        ]
+        assert all(set(row) <= set(tables.JUDGES_COLUMNS) for row in rows)
+
     def test_tsne_keeps_like_windows_together(self):
         # two heaps of scores, far from each other
         rng = np.random.default_rng(1)
@@ -246,3 +272,34 @@ class TestStudy:
         apart = np.linalg.norm(place[:, None] - place, axis=-1) + np.diag(np.full(29, np.inf))
         # whoever is next to a window is of its heap; by chance that holds for every other one
         assert (heap[1:][apart.argmin(axis=1)] == heap[1:]).mean() > 0.85
+
+
+RUN = {"preset": "service", "arm": "ppo+levelup", "seed": 2}
+
+
+class TestReflection:
+    def line(self, epoch: int, **more: Any) -> dict[str, Any]:
+        found = {
+            "cosine": 0.5, "projection": 0.25, "z": None, "p": 0.75, "alarm": False,
+            "identity": None, "issue": None, "favoured": None, "z_risk": 3.0,
+        } | more  # fmt: skip
+        return {"epoch": epoch, "total": 1.0} | {f"reflection_{k}": v for k, v in found.items()}
+
+    def test_by_hand(self, tmp_path):
+        named = {"identity": "age", "issue": "risk", "favoured": "Child, Elder"}
+        lines = [self.line(0), self.line(7, p=0.125, alarm=True, z=2.5, **named)]
+        rows = tables.reflection(RUN, lines, {"rate": 0.25, "history": 5})
+        tables.write(tmp_path / "t.csv", rows, tables.REFLECTION_COLUMNS)
+        assert (tmp_path / "t.csv").read_text() == (
+            "preset,arm,seed,epoch,projection,cosine,z,p_value,alarm,identity,issue,favoured,"
+            "earlier,rate\n"
+            "service,ppo+levelup,2,0,0.25,0.5,,0.75,false,,,,0,0.25\n"
+            'service,ppo+levelup,2,7,0.25,0.5,2.5,0.125,true,age,risk,"Child, Elder",5,0.25\n'
+        )
+
+    def test_a_run_without_it_has_no_rows(self):
+        assert tables.reflection(RUN, [{"epoch": 0, "total": 1.0}], {}) == []
+
+    def test_no_rows_are_a_header(self, tmp_path):
+        tables.write(tmp_path / "t.csv", [], ("a", "b"))
+        assert (tmp_path / "t.csv").read_text() == "a,b\n"

@@ -21,8 +21,9 @@ class Compare:
 
     Every arm is trained in every scenario with both algorithms, and tested on people it never
     saw. Two arms learn nothing: reference, the scripted robot that makes up for the scenario (what
-    can be attained), and untrained. results.csv holds every number, summary.csv interquartile
-    means over seeds with 95 % bootstrap intervals, fronts.csv evenness against service.
+    can be attained), and untrained. report.html says which aims were reached; results.csv holds
+    every number, summary.csv interquartile means over seeds with 95 % bootstrap intervals,
+    fronts.csv evenness against service.
 
     Stop it with Ctrl-C whenever you like: the same command goes on where it was. More seeds, arms
     or scenarios can be added to the same folder later. A run takes 1 to 2 MB.
@@ -32,7 +33,7 @@ class Compare:
     """
 
     out: Path = CompareSettings.out
-    """Folder of the tables, figures and runs."""
+    """Folder of report.html, the tables, figures and runs."""
 
     scenarios: Annotated[tuple[str, ...], arg(metavar="NAME[+NAME] ...")] = (
         CompareSettings.scenarios
@@ -68,7 +69,7 @@ class Compare:
     """Processes that work at the same time; results do not depend on it."""
 
     def run(self, command: str) -> int:
-        """Run it, print the table and the folder."""
+        """Run it, print the table and the path of the report."""
         inputs.load_physics()
         settings = CompareSettings(**asdict(self))
         from evenhand import show
@@ -84,7 +85,7 @@ class Compare:
             list(_COLUMNS),
             [[cell(row) for cell in _COLUMNS.values()] for row in compare_tables.shown(rows)],
         )
-        print(settings.out)
+        print(settings.out / "report.html")
         return 0
 
 

@@ -38,7 +38,7 @@ from evenhand.interactions import Interactions
 from evenhand.learn import checkpoint, run, train
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import TrainSettings, settings_of
-from evenhand.report import figures_compare
+from evenhand.report import compare_page
 from evenhand.restaurant import layout, serve
 from evenhand.restaurant.lanes import Lanes
 
@@ -46,7 +46,7 @@ from evenhand.restaurant.lanes import Lanes
 def compare(
     settings: CompareSettings, stage: Stage, announce: Callable[[str], None], command: str
 ) -> list[tables.Row]:
-    """Run whatever is missing in the folder, then write tables, figures and manifest.
+    """Run whatever is missing in the folder, then write tables, manifest, figures and report.
 
     Args:
         settings: of the comparison.
@@ -87,15 +87,15 @@ def compare(
         announce(_plan(settings, cells, sum(task.finished for task in tasks)))
         units = sum(_units(cell, **fixed) for cell in cells)
         run_all(tasks, settings.workers, stage("training and test", units))
-        tell = stage("tables and figures", 1)
+        tell = stage("tables and report", 1)
         found = finished(out, **fixed)
         results = known | {cell: done["test"] for cell, done in found.items()}
         summary = tables.summary(results)
         write(out / "results.csv", tables.tidy(results), tables.RESULTS)
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
-        figures_compare.write(out / "figures", tables.shown(summary), settings.services)
         _write_manifest(out, settings, command, found, earlier)
+        compare_page.build(out)
         tell(1, {})
     return summary
 

@@ -66,13 +66,18 @@ def perfect(table: Interactions) -> np.ndarray:
     return (x == 0.0).all(axis=1)
 
 
-def window_scores(table: Interactions, order: np.ndarray | None = None) -> issues.Scores:
-    """Scores of every full window of 30 services, in order.
+def window_counts(
+    table: Interactions, order: np.ndarray | None = None
+) -> tuple[issues.Counts, tuple[tuple[str, str], ...], list[str]]:
+    """Counts of every full window of 30 services, in order.
 
     Args:
         table: services.
         order: identities are taken in this order instead, int [n]: with a permutation the
             identities no longer belong to the services, and what remains is chance.
+
+    Returns:
+        Counts [W, G, K]; (identity, category) of the G groups; names of the K issues.
     """
     x = issues.indicators(table)
     who = issues.membership(table)
@@ -82,8 +87,12 @@ def window_scores(table: Interactions, order: np.ndarray | None = None) -> issue
         x[:full].reshape(-1, WINDOW, x.shape[1]),
         inside[:full].reshape(-1, WINDOW, inside.shape[1]),
     )
-    names = [issue.name for issue in issues.PAPER_ISSUES]
-    return issues.scores_of(counts, who.groups, names)
+    return counts, who.groups, [issue.name for issue in issues.PAPER_ISSUES]
+
+
+def window_scores(table: Interactions, order: np.ndarray | None = None) -> issues.Scores:
+    """Scores of every full window of 30 services, in order; arguments as `window_counts`."""
+    return issues.scores_of(*window_counts(table, order))
 
 
 def summary(table: Interactions, seed: int) -> dict[str, Any]:

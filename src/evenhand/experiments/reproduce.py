@@ -11,7 +11,7 @@ from time import monotonic
 from typing import Any
 
 from evenhand import detector_io, files, report
-from evenhand.experiments import claims, demos, measure, tables
+from evenhand.experiments import claims, corrected, demos, measure, tables
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
 from evenhand.guidance import SERVICE_KINDS
@@ -196,6 +196,7 @@ def _write_tables(
     epochs: list[tables.Row] = []
     test: list[tables.Row] = []
     tidy: list[tables.Row] = []
+    reflected: list[tables.Row] = []
     for result in results:
         algorithm, kind = ARMS[result["arm"]]
         head = {name: result[name] for name in ("preset", "arm", "seed")}
@@ -207,9 +208,12 @@ def _write_tables(
             for line in lines
         ]
         test.append(head | result["test"])
+        found = tables.reflection(head, lines, _reflection_settings(Path(result["folder"])))
+        reflected += found
         numbers = result["test"] | {
             "biased_epochs_detector": sum(line["biased_detector"] for line in lines),
             "biased_epochs_threshold": sum(line["biased_threshold"] for line in lines),
+            "reflection_alarms": sum(row["alarm"] for row in found) if found else None,
         }
         tidy += [head | {"metric": name, "value": value} for name, value in numbers.items()]
     for name, rows in (
@@ -226,8 +230,18 @@ def _write_tables(
         ("test", test),
     ):
         tables.write(data / f"{name}.csv", rows)
+    compared = corrected.side_by_side(shown, study, DEMO_SEED)
+    tables.write(data / "judges.csv", tables.judges(compared), tables.JUDGES_COLUMNS)
+    # a preset without Evenhand's own arms has no row of it
+    tables.write(data / "reflection.csv", reflected, tables.REFLECTION_COLUMNS)
     tables.write(out / "results.csv", tidy, ("preset", "arm", "seed", "metric", "value"))
     files.write_json(out / "claims.json", claims.all_claims(shown, study, epochs, test))
+
+
+def _reflection_settings(folder: Path) -> dict[str, Any]:
+    """Rate and history that a run was made with."""
+    noted = files.read_record(folder / "settings.json", "settings")["settings"]
+    return noted.get("reflection", {})  # a run from before there was any has no such lines either
 
 
 def _write_manifest(

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from evenhand import files, people
+from evenhand.detector_report import CalibrationBin
 from evenhand.experiments import demos as demonstrations
 from evenhand.experiments.calibrate import SIGNATURES
+from evenhand.experiments.corrected import Record
 from evenhand.experiments.demos import KINDS, Demos, Study
 from evenhand.judgements import IDENTITIES, ISSUES
 from evenhand.robots import BIASES
@@ -30,6 +32,12 @@ BEHAVIOUR_UNITS = {
     "mean_response_time": "steps",
     "ignore_rate": "people in 30",
 }
+JUDGES_COLUMNS = ("judge", "measure", "bin", "predicted", "value", "ci_low", "ci_high", "n")
+REFLECTION_COLUMNS = (
+    "preset", "arm", "seed", "epoch", "projection", "cosine", "z", "p_value", "alarm", "identity",
+    "issue", "favoured", "earlier", "rate",
+)  # fmt: skip
+_REFLECTED = ("projection", "cosine", "z", "alarm", "identity", "issue", "favoured")
 Row = dict[str, Any]
 
 
@@ -179,23 +187,75 @@ def detector(study: Study) -> tuple[list[Row], list[Row], list[Row]]:
         )
     ]  # fmt: skip
     performance.append({"metric": "brier", "value": found.brier, "n": found.n})
-    calibration = [
-        {
-            "bin": f"{part.start:.1f}-{part.stop:.1f}",
-            "predicted": part.predicted if part.observed.n else None,
-            "observed": part.observed.value if part.observed.n else None,
-            "ci_low": part.observed.low if part.observed.n else None,
-            "ci_high": part.observed.high if part.observed.n else None,
-            "n": part.observed.n,
-        }
-        for part in found.calibration
-    ]
+    calibration = [_bin(part) for part in found.calibration]
     confusion = [
         {"judged": judged, "predicted": predicted, "count": int(found.confusion[i, j])}
         for i, judged in enumerate(found.kind_names)
         for j, predicted in enumerate(found.kind_names)
     ]
     return performance, calibration, confusion
+
+
+def _bin(part: CalibrationBin) -> Row:
+    some = part.observed.n > 0
+    return {
+        "bin": f"{part.start:.1f}-{part.stop:.1f}",
+        "predicted": part.predicted if some else None,
+        "observed": part.observed.value if some else None,
+        "ci_low": part.observed.low if some else None,
+        "ci_high": part.observed.high if some else None,
+        "n": part.observed.n,
+    }
+
+
+def judges(records: Sequence[Record]) -> list[Row]:
+    """Measures and calibration of each judge, raw and corrected scores beside each other.
+
+    A bin of calibration has its mean predicted probability in ``predicted`` and the share that
+    respondents called biased in ``value``.
+    """
+    rows: list[Row] = []
+    for record in records:
+        head = {"judge": record.judge, "bin": ""}
+        for name in ("accuracy", "agreement", "false_alarms"):
+            share = getattr(record, name)
+            if share is not None:
+                rows.append(
+                    head
+                    | {"measure": name, "value": share.value, "ci_low": share.low}
+                    | {"ci_high": share.high, "n": share.n}
+                )
+        if record.brier is not None and record.accuracy is not None:
+            rows.append(head | {"measure": "brier", "value": record.brier, "n": record.accuracy.n})
+        for part in record.calibration:
+            row = _bin(part)
+            rows.append(head | {"measure": "calibration", "value": row.pop("observed")} | row)
+    return rows
+
+
+def reflection(
+    head: Row, lines: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
+) -> list[Row]:
+    """What self-reflection found at every update of a run; nothing for a run without it.
+
+    Args:
+        head: preset, arm and seed.
+        lines: of the run's ``epochs.jsonl``.
+        settings: of its self-reflection, ``rate`` and ``history``.
+    """
+    return [
+        head
+        | {"epoch": line["epoch"]}
+        | {name: line[f"reflection_{name}"] for name in _REFLECTED}
+        | {
+            "p_value": line["reflection_p"],
+            # the past holds every update since the first, at most `history`
+            "earlier": min(line["epoch"], settings["history"]),
+            "rate": settings["rate"],
+        }
+        for line in lines
+        if "reflection_alarm" in line
+    ]
 
 
 def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:

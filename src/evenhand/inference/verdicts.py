@@ -14,7 +14,7 @@ No evidence is not evidence of evenness for differences smaller than ``delta``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -23,6 +23,7 @@ from evenhand import errors
 from evenhand.errors import InputError
 from evenhand.inference.chance import check_counts, check_level, newcombe
 from evenhand.inference.permutation import PermutationTest, permutation_test
+from evenhand.inference.strata import mantel_haenszel
 from evenhand.inference.tables import Table
 from evenhand.inference.windows import fisher, holm
 from evenhand.issues import Counts, count, signed_gaps
@@ -129,6 +130,9 @@ def judge_table(
 ) -> tuple[Verdicts, PermutationTest]:
     """Verdicts on a log of any size from its counts, by permutation; and the test behind them.
 
+    With strata, the gap, its limits and what chance gives are those within strata, see
+    :mod:`evenhand.inference.strata`; the total stays that of the whole log.
+
     Args:
         x: indicators, [C, K], NaN where an issue does not apply.
         inside: membership, [C, G], or of identity vectors, [I, G], if ``who`` is given.
@@ -146,7 +150,13 @@ def judge_table(
     table = Table.of(x, inside, n, strata, who)
     test = table.test(rng, chosen.permutations, totalled)
     counts = table.counts()
-    return _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen), test
+    found = _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen)
+    if len(table.strata) > 1:
+        parts = [one.observed() for one in table.strata]
+        within = mantel_haenszel(parts, 1 - chosen.alpha / found.gap.size)
+        found = replace(found, gap=within.difference, low=within.low, high=within.high)
+        test = replace(test, even_gap=within.even_difference)
+    return found, test
 
 
 def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> Verdicts:

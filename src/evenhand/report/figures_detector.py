@@ -1,4 +1,4 @@
-"""Room: figures of the detector (the paper's Fig. 12, calibration, confusion).
+"""Room: figures of the detector (the paper's Fig. 12, calibration, confusion, corrected scores).
 
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from evenhand.report import style
 from evenhand.report.inputs import Results
-from evenhand.report.tables import Estimate, Table, say_estimate, say_share
+from evenhand.report.tables import NOT_DEFINED, Estimate, Table, say_estimate, say_share
 
 # --- calibration ------------------------------------------------------------------------------
 
@@ -128,6 +128,100 @@ def confusion_caption(results: Results, data: Table) -> str:
     return (
         "Which discrimination the detector says a window looks like, against what the simulated "
         f"respondents said; windows and share of their row. {agree}."
+    )
+
+
+# --- raw and corrected scores -----------------------------------------------------------------
+
+_JUDGES = {
+    "raw": style.Look("detector,\nraw scores", style.BLUE, "o"),
+    "corrected": style.Look("detector,\ncorrected scores", style.VERMILLION, "^"),
+    "threshold": style.Look("manual\nthreshold", style.ORANGE, "s", filled=False),
+    "respondents": style.Look("respondents", style.GREY, "D", filled=False),
+}
+_MEASURES = {
+    "accuracy": "Accuracy",
+    "agreement": "Agreement with the threshold",
+    "false_alarms": "Even robot called biased",
+}
+
+
+def judges_data(results: Results) -> Table:
+    """The table of judges as it is."""
+    return results["judges"]
+
+
+def judges_draw(data: Table, wide: bool) -> Figure:
+    """One panel a measure, one line a judge; calibration of both detectors beside them."""
+    figure, axes = style.panels(wide, *((2, 2) if wide else (4, 1)), 4.6 if wide else 7.6)
+    names = [name for name in _JUDGES if name in data.distinct("judge")]
+    for ax, (measure, title) in zip(axes, _MEASURES.items(), strict=False):
+        part = data.where(measure=measure)
+        shown = [name for name in names if name in part.distinct("judge")]
+        for row in part.rows():
+            if row["judge"] not in shown:
+                continue
+            y, look = shown.index(row["judge"]), _JUDGES[row["judge"]]
+            ax.plot([100 * row["ci_low"], 100 * row["ci_high"]], [y, y], color=look.colour)
+            ax.plot(100 * row["value"], y, **look.marks(), zorder=4)
+        ax.set_title(title)
+        ax.set_yticks(range(len(shown)), [_JUDGES[name].label for name in shown])
+        ax.set_ylim(max(len(shown), 1) - 0.5, -0.5)
+        ax.set_xlabel("windows, %")
+        style.bare(ax, "x")
+    axes[2].set_xlim(left=0)
+    ax = axes[3]
+    ax.plot([0, 100], [0, 100], color=style.GREY, linestyle=(0, (2, 1.5)), linewidth=1)
+    for name in names:
+        part = data.where(measure="calibration", judge=name)
+        look = _JUDGES[name]
+        if len(part):
+            given, seen = 100 * part["predicted"], 100 * part["value"]
+            ax.vlines(
+                given, 100 * part["ci_low"], 100 * part["ci_high"], color=look.colour, alpha=0.5
+            )
+            ax.plot(given, seen, linestyle="none", **look.marks())
+    ax.set_title("Calibration")
+    ax.set(xlim=(-3, 103), ylim=(-3, 103))
+    ax.set_xlabel("probability given, %")
+    ax.set_ylabel("judged as biased, %")
+    return figure
+
+
+def judge_text(results: Results, judge: str, measure: str) -> str:
+    """A measure of a judge with its interval, for a reader."""
+    for row in results["judges"].where(judge=judge, measure=measure).rows():
+        if math.isnan(row["value"]):
+            break
+        if math.isnan(row["ci_low"]):
+            return f"{row['value']:.3f}"
+        return say_estimate(Estimate(row["value"], row["ci_low"], row["ci_high"], row["n"]), True)
+    return NOT_DEFINED
+
+
+def judges_caption(results: Results, data: Table) -> str:
+    """What was taken out, how many windows, and each number for both detectors."""
+    n = {measure: data.where(measure=measure)["n"] for measure in ("accuracy", "false_alarms")}
+    held, even = (int(cells.max()) if len(cells) else 0 for cells in n.values())
+
+    alarms = {
+        name: judge_text(results, name, "false_alarms") for name in ("threshold", "respondents")
+    }
+
+    def both(measure: str) -> str:
+        raw, corrected = (judge_text(results, name, measure) for name in ("raw", "corrected"))
+        return f"{raw} on raw, {corrected} on corrected scores"
+
+    return (
+        f"Two detectors on the same {held:,} held-out windows and folds; accuracy is the share "
+        "judged as the simulated respondents did. Corrected: of every gap, "
+        "the one that chance alone makes in that window is taken out. Accuracy "
+        f"{both('accuracy')}; agreement with the manual threshold on the raw total "
+        f"{both('agreement')}; Brier score {both('brier')}. Of the even robot’s {even:,} windows "
+        f"called biased: {both('false_alarms')}, {alarms['threshold']} by the manual threshold, "
+        f"{alarms['respondents']} by the respondents. They judge raw "
+        "scores, so accuracy and agreement favour the raw detector by construction. Lines are 95 % "
+        "intervals. Learning uses the raw detector, as the paper does."
     )
 
 

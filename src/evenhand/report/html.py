@@ -82,16 +82,9 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
         results: what was read from the folder.
         drawn: the figures, in order.
     """
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     manifest = results.manifest
-    return environment.get_template("report.html.j2").render(
+    return fill(
+        "report.html.j2",
         claims=[claim_text(claim) for claim in results.claims],
         counts=[(s, n, _ICONS[s]) for s, n in summary.status_counts(results)],
         paragraphs=summary.paragraphs(results),
@@ -108,6 +101,19 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
         elapsed=duration(manifest["elapsed_s"]),
         seeds=", ".join(str(seed) for seed in manifest["seeds"]),
     )
+
+
+def fill(template: str, **context: Any) -> str:
+    """A page from one of the templates; a name that the context lacks is an error."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(**context)
 
 
 def figure_context(drawn: Drawn) -> dict[str, Any]:
@@ -189,6 +195,9 @@ def listing(data: Table) -> Listing:
     if any(row.get("seed") == "mean" for row in rows):
         rows = [row for row in rows if row["seed"] == "mean"]
         note = "Means over seeds; single seeds are in the CSV file."
+    elif whole > LISTED and any(row.get("alarm") for row in rows):
+        rows = [row for row in rows if row["alarm"]][:LISTED]
+        note = f"Updates with an alarm; all {whole:,} updates are in the CSV file."
     elif "epoch" in data.columns and whole > LISTED:
         lines = len({(row["preset"], row["arm"]) for row in rows})
         epochs = sorted({row["epoch"] for row in rows})

@@ -65,6 +65,13 @@ SCHEMAS: dict[str, dict[str, str]] = {
     "behaviour": _schema(
         "robot:text measure:text value:number? {interval} paper:number? unit:text? services:int"
     ),
+    "judges": _schema(
+        "judge:text measure:text bin:text? predicted:share? value:share? {interval} n:int"
+    ),
+    "reflection": _schema(
+        "preset:text arm:text seed:int epoch:int projection:number? cosine:number? z:number? "
+        "p_value:share alarm:flag identity:text? issue:text? favoured:text? earlier:int rate:share"
+    ),
     "tsne": _schema("window:text kind:text biased:flag x:number y:number z:number"),
 }
 RESULTS = _schema("preset:text? arm:text? seed:text? metric:text value:number?")
@@ -80,7 +87,12 @@ KEYS: dict[str, tuple[str, ...]] = {
     "epochs": ("preset", "arm", "seed", "epoch"),
     "test": ("preset", "arm", "seed"),
     "behaviour": ("robot", "measure"),
+    "judges": ("judge", "measure", "bin"),
+    "reflection": ("preset", "arm", "seed", "epoch"),
 }
+
+MAY_BE_EMPTY = ("reflection",)
+"""Tables of what only some arms do."""
 
 
 @dataclass(frozen=True)
@@ -118,14 +130,24 @@ def read(folder: Path) -> Results:
     claims = _claims(folder / "claims.json")
     read_table(folder / "results.csv", RESULTS)
     tables = {
-        name: read_table(folder / "data" / f"{name}.csv", schema, KEYS.get(name, ()))
+        name: read_table(
+            folder / "data" / f"{name}.csv", schema, KEYS.get(name, ()), name in MAY_BE_EMPTY
+        )
         for name, schema in SCHEMAS.items()
     }
     return Results(tables, manifest, claims)
 
 
-def read_table(path: Path, schema: Mapping[str, str], key: Sequence[str] = ()) -> Table:
+def read_table(
+    path: Path, schema: Mapping[str, str], key: Sequence[str] = (), may_be_empty: bool = False
+) -> Table:
     """Read one CSV file with the columns of ``schema``; other columns are left out.
+
+    Args:
+        path: of the file.
+        schema: the kind of cell of each column.
+        key: columns whose values no two rows share.
+        may_be_empty: whether a header alone will do.
 
     Raises:
         InputError: no such file, no rows, a column is missing, a cell is not what its column
@@ -135,7 +157,7 @@ def read_table(path: Path, schema: Mapping[str, str], key: Sequence[str] = ()) -
     for column in schema:
         if column not in header:
             raise InputError(f"{path}: column {column!r} is missing; it needs {', '.join(schema)}")
-    if not rows:
+    if not rows and not may_be_empty:
         raise InputError(f"{path}: there is a header but no rows; run the experiment again")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):

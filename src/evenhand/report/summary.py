@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from evenhand.report import style
 from evenhand.report.figures_biased import biased_data
-from evenhand.report.figures_detector import metric_text
+from evenhand.report.figures_detector import judge_text, metric_text
 from evenhand.report.figures_learning import THRESHOLD, arms_in
 from evenhand.report.figures_study import behaviour_data, measure_title
 from evenhand.report.inputs import STATUSES, Results
@@ -263,5 +263,9 @@ def _detector(results: Results) -> tuple[str, str]:
         "Detector.",
         "Fitted to the answers of simulated respondents. Held-out windows in which it agrees with "
         f"them: {metric_text(results, 'accuracy')}; with the manual threshold: "
-        f"{metric_text(results, 'threshold_agreement')} (the paper prints 98\N{NO-BREAK SPACE}%).",
+        f"{metric_text(results, 'threshold_agreement')} (the paper prints 98\N{NO-BREAK SPACE}%). "
+        "A second one, fitted to scores without what chance makes of small windows, agrees with "
+        f"respondents in {judge_text(results, 'corrected', 'accuracy')}. Windows of the even robot "
+        f"called biased: {judge_text(results, 'raw', 'false_alarms')} by the first, "
+        f"{judge_text(results, 'corrected', 'false_alarms')} by the second.",
     )

@@ -146,7 +146,9 @@ def say(value: float, digits: int = 3) -> str:
 
 def say_share(value: float) -> str:
     """A share in [0, 1] as per cent with one decimal; NaN in words."""
-    return NOT_DEFINED if math.isnan(value) else f"{100 * value:.1f}\N{NO-BREAK SPACE}%"
+    if math.isnan(value):
+        return NOT_DEFINED
+    return f"{100 * value:.1f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
 
 
 def say_estimate(estimate: Estimate, share: bool = False) -> str:

@@ -28,11 +28,11 @@ SCENARIOS = {
 }
 
 
-def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+def write_csv(path: Path, rows: Sequence[dict[str, Any]], columns: Sequence[str] = ()) -> None:
     """Write rows; None becomes an empty cell, a flag the word true or false."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer = csv.DictWriter(file, list(columns or rows[0]), lineterminator="\n")
         writer.writeheader()
         for row in rows:
             writer.writerow(
@@ -111,6 +111,58 @@ def test_rows(
                     }
                 )
     return rows
+
+
+REFLECTION = (
+    "preset", "arm", "seed", "epoch", "projection", "cosine", "z", "p_value", "alarm",
+    "identity", "issue", "favoured", "earlier", "rate",
+)  # fmt: skip
+
+
+def reflection_rows(
+    rng: np.random.Generator, presets: Sequence[str], seeds: Sequence[int], epochs: int
+) -> list[dict[str, Any]]:
+    """Updates of the preset service that were examined; the last of each seed is abnormal."""
+    rows = []
+    for arm in ("reinforce+levelup", "ppo+levelup") if "service" in presets else ():
+        for seed in seeds:
+            for epoch in range(epochs):
+                cosine = float(rng.normal(0, 0.2)) if epoch % 5 else None
+                alarm = epoch == epochs - 1
+                numbers = (
+                    cosine and 0.1 * cosine,
+                    cosine,
+                    cosine and 5 * cosine,
+                    1 / (1 + epoch) if alarm else float(rng.uniform(0.1, 1)),
+                )
+                named = ("age", "risk", "Child, Elder") if alarm else ("", "", "")
+                cells = (*numbers, alarm, *named, epoch, 0.25)
+                head = ("service", arm, seed, epoch)
+                rows.append(dict(zip(REFLECTION, (*head, *cells), strict=True)))
+    return rows
+
+
+def judges_rows() -> list[dict[str, Any]]:
+    """The detector on raw and on corrected scores, and whom they are compared with."""
+    columns = ("judge", "measure", "bin", "predicted", "value", "ci_low", "ci_high", "n")
+    shares = {
+        "raw": {"accuracy": 0.931, "agreement": 0.962, "false_alarms": 0.09},
+        "corrected": {"accuracy": 0.902, "agreement": 0.917, "false_alarms": 0.05},
+        "threshold": {"accuracy": 0.95, "false_alarms": 0.12},
+        "respondents": {"agreement": 0.95, "false_alarms": 0.13},
+    }
+    rows: list[tuple[Any, ...]] = [
+        (judge, measure, "", None, value, value - 0.03, value + 0.03, 60 if value < 0.5 else 300)
+        for judge, measures in shares.items()
+        for measure, value in measures.items()
+    ]
+    for judge, brier in (("raw", 0.071), ("corrected", 0.084)):
+        rows.append((judge, "brier", "", None, brier, None, None, 300))
+        rows += [
+            (judge, "calibration", f"bin {i}", p, p + 0.02, p - 0.04, p + 0.08, 60)
+            for i, p in enumerate((0.1, 0.5, 0.9))
+        ]
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
 def study_tables(rng: np.random.Generator, windows: int) -> dict[str, list[dict[str, Any]]]:
@@ -238,8 +290,11 @@ def write_results(
     tables = study_tables(rng, windows)
     tables["epochs"] = learning_rows(rng, presets, seeds, epochs)
     tables["test"] = test_rows(rng, presets, seeds)
+    tables["judges"] = judges_rows()
     for name, rows in tables.items():
         write_csv(folder / "data" / f"{name}.csv", rows)
+    reflected = reflection_rows(rng, presets, seeds, epochs)
+    write_csv(folder / "data" / "reflection.csv", reflected, REFLECTION)
     write_csv(
         folder / "results.csv",
         [

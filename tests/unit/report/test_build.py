@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,46 +15,9 @@ import pytest
 from evenhand.errors import InputError
 from evenhand.report import build, figures
 from evenhand.report.figures import PLATES
+from unit.report.pages import Page
 
-VOID = {"meta", "br", "link", "img", "input", "hr"}
 NAMES = [plate.name for plate in PLATES]
-
-
-class Page(HTMLParser):
-    """A strict reader: what is opened is closed in order; keeps attributes and text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str]]] = []
-        self.text: list[str] = []
-        self.feed(text)
-        self.close()
-        assert not self.open, f"not closed: {self.open}"
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note the element and remember that it is open."""
-        self.tags.append((tag, {name: value or "" for name, value in attrs}))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note an element that closes itself, as in SVG."""
-        self.tags.append((tag, {name: value or "" for name, value in attrs}))
-
-    def handle_endtag(self, tag: str) -> None:
-        """Close the innermost element, which must be this one."""
-        assert self.open, f"</{tag}> closes nothing"
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        """Keep text that a reader sees."""
-        if "style" not in self.open:
-            self.text.append(data)
-
-    def attributes(self, tag: str) -> list[dict[str, str]]:
-        """The attributes of every element of one kind."""
-        return [attributes for name, attributes in self.tags if name == tag]
 
 
 @pytest.fixture(scope="session")
@@ -165,7 +127,7 @@ def test_the_same_tables_give_the_same_bytes(built: Path, tmp_path: Path) -> Non
     shutil.copytree(built, again, ignore=shutil.ignore_patterns("figures", "report.html"))
     build(again)
     written = [path.relative_to(built) for path in built.rglob("*") if path.is_file()]
-    assert len(written) == 3 * len(NAMES) + 1 + 14  # figures, page, tables and JSON
+    assert len(written) == 3 * len(NAMES) + 1 + 16  # figures, page, tables and JSON
     for path in written:
         assert (built / path).read_bytes() == (again / path).read_bytes(), path
 

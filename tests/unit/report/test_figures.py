@@ -275,4 +275,4 @@ def test_svg_in_a_page_has_its_own_identifiers_and_no_size() -> None:
 
 def test_names_of_figures_are_unique() -> None:
     names = [plate.name for plate in figures.PLATES]
-    assert len(set(names)) == len(names) == 11
+    assert len(set(names)) == len(names) == 13

@@ -1,0 +1,1 @@
+"""Audits of foreign logs: from any source to findings, a card and an alarm."""

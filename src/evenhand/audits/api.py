@@ -1,0 +1,251 @@
+"""``evenhand.audit``: a log in, findings with their words, tables, figures and card out."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evenhand import files
+from evenhand.audits import card, figures, forms, words
+from evenhand.audits.counting import tally
+from evenhand.audits.findings import find
+from evenhand.audits.guessing import guess
+from evenhand.audits.mapping import Mapping, describe
+from evenhand.audits.mapping_file import from_toml
+from evenhand.audits.phrases import About, joined, meanings
+from evenhand.audits.results import AuditSettings, Findings
+from evenhand.audits.sources import Source, open_source
+from evenhand.audits.tally import Tally
+from evenhand.errors import InputError, unknown
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
+SYNTHETIC_COLUMN, SYNTHETIC = "source", "synthetic"
+"""A log whose column says so in every row is called synthetic wherever it is shown."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A finished audit.
+
+    Attributes:
+        findings: every number.
+        about: the log, and how it was read.
+        mapping: columns and the roles they play.
+        warnings: what looks odd in the log, a sentence each.
+        services: how many were audited.
+    """
+
+    findings: Findings
+    about: About
+    mapping: Mapping
+    warnings: tuple[str, ...]
+
+    @property
+    def services(self) -> int:
+        """How many were audited."""
+        return self.findings.services
+
+    @property
+    def verdict(self) -> str:
+        """Of the whole log: disparity, no evidence, or insufficient data."""
+        return self.findings.verdict
+
+    @property
+    def disparities(self) -> tuple[Any, ...]:
+        """The findings that are disparities, the largest first."""
+        listed = sorted(self.findings.findings, key=forms.importance)
+        return tuple(one for one in listed if one.verdict == "disparity")
+
+    @property
+    def table(self) -> pa.Table:
+        """A row for each group and issue; ``.to_pandas()`` makes a data frame of it."""
+        return _arrow(forms.rows(self.findings), forms.COLUMNS)
+
+    @property
+    def waits(self) -> pa.Table:
+        """A row for each group: how long it waits, non-response censored."""
+        return _arrow(forms.wait_rows(self.findings), forms.WAIT_COLUMNS)
+
+    @property
+    def measures(self) -> pa.Table:
+        """A row for each further measure and group."""
+        return _arrow(forms.measure_rows(self.findings), forms.MEASURE_COLUMNS)
+
+    @property
+    def summary(self) -> str:
+        """The audit in plain words."""
+        return words.text(words.summary(self.findings, self.about))
+
+    @property
+    def card(self) -> str:
+        """One HTML page that needs nothing else."""
+        return card.render(self.findings, self.about)
+
+    def figure(self, identity: str) -> Figure:
+        """Differences of the groups of an identity with their intervals, a panel an issue.
+
+        Raises:
+            InputError: for an identity that was not audited.
+        """
+        known = figures.identities(self.findings)
+        if identity not in known:
+            raise unknown("identity", identity, known)
+        return figures.differences(self.findings, identity)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the card (.html), everything (.json), or groups and issues (.csv).
+
+        Raises:
+            InputError: for another ending, or when the file cannot be written.
+        """
+        target = Path(path)
+        check_ending(target)
+        if target.suffix == ".html":
+            content = self.card
+        elif target.suffix == ".csv":
+            content = forms.csv_text(forms.rows(self.findings))
+        else:
+            plain = forms.plain(self.findings, self.about) | {"warnings": list(self.warnings)}
+            content = json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        files.write_text(target, content)
+        return target
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the card in a frame of its own, so that styles do not mix."""
+        from html import escape
+
+        return (
+            f'<iframe title="Audit of {escape(self.about.title)}" srcdoc="{escape(self.card)}" '
+            'style="width:100%;height:640px;border:1px solid #999"></iframe>'
+        )
+
+
+ENDINGS = (".html", ".json", ".csv")
+
+
+def check_ending(path: Path) -> None:
+    """Check that an audit can be written under this name.
+
+    Raises:
+        InputError: for another ending than those of ``ENDINGS``.
+    """
+    if path.suffix not in ENDINGS:
+        raise InputError(f"{path} ends in none of {', '.join(ENDINGS)}: choose what to write by it")
+
+
+def audit(
+    source: object,
+    mapping: Mapping | str | os.PathLike[str] | None = None,
+    settings: AuditSettings | None = None,
+    *,
+    table: str | None = None,
+    command: str = "",
+    **roles: Any,
+) -> Audit:
+    """Audit a log of services.
+
+    Args:
+        source: path of a file, folder or glob; URL of a database; an Ibis table; a data frame of
+            pandas, polars or pyarrow; or Interactions.
+        mapping: roles of the columns, or a TOML file of them; what it leaves open is found by name.
+        settings: level, relevant difference, permutations, seed.
+        table: in a database, which.
+        command: shown as what repeats the audit.
+        **roles: single fields of ``Mapping`` in place of a mapping, for instance
+            ``identities=("gender",)``.
+
+    Returns:
+        The audit; ``.verdict``, ``.table``, ``.figure(identity)``, ``.save("card.html")``.
+
+    Raises:
+        InputError: when the log cannot be read or is not what it should be.
+    """
+    log = open_source(source, table)
+    if isinstance(source, str) and "://" in source:
+        command = command.replace(source, log.name)  # which holds no password
+    chosen = mapping_for(log, mapping, roles)
+    counts, warnings = tally(log, chosen)
+    judged = replace(settings or AuditSettings(), depth=chosen.depth)
+    found = find(counts, judged)
+    return Audit(found, _about(log, chosen, counts, command, judged), chosen, tuple(warnings))
+
+
+def mapping_for(
+    log: Source, mapping: Mapping | str | os.PathLike[str] | None, roles: dict[str, Any]
+) -> Mapping:
+    """What was said of the columns, completed by their names.
+
+    Raises:
+        InputError: for a role that does not exist, or a column that does not.
+    """
+    names = [field.name for field in dataclasses.fields(Mapping)]
+    for name in roles:
+        if name not in names:
+            raise unknown("role", name, names)
+    if mapping is not None and not isinstance(mapping, Mapping):
+        mapping = from_toml(mapping)
+    said = replace(mapping or Mapping(), **roles)
+    found = guess(log.table.schema(), said)
+    if not found.identities:
+        raise InputError(
+            f"{log.name} has no column that looks like an identity among "
+            f"{joined(list(log.table.columns))}: name those that tell who was served"
+        )
+    return found
+
+
+def _about(
+    log: Source, mapping: Mapping, counts: Tally, command: str, settings: AuditSettings
+) -> About:
+    waits = counts.waits
+    return About(
+        title=log.name,
+        log=log.description | {"services": counts.services},
+        mapping=describe(mapping),
+        command=command or _call(log, settings),
+        synthetic=_synthetic(log),
+        left_out=tuple(_left_out(mapping, waits is not None)),
+        meanings=meanings(mapping.thresholds, mapping.late),
+        within=joined(list(mapping.within)) if mapping.within else "",
+        late=waits.seconds * waits.late if waits is not None else math.nan,
+    )
+
+
+def _call(log: Source, settings: AuditSettings) -> str:
+    return f"evenhand.audit({log.name!r}, settings=AuditSettings(seed={settings.seed}))"
+
+
+_NEEDS = {
+    "willingness": "whether the robot responded",
+    "quality": "the distance of the response",
+    "priority": "the time until the response",
+    "risk": "the least distance of the whole service",
+}
+
+
+def _left_out(mapping: Mapping, waiting: bool) -> Sequence[str]:
+    said = [f"{issue}: no column tells {_NEEDS[issue]}" for issue in mapping.missing]
+    return said if waiting else [*said, "waiting: no column tells how long people waited"]
+
+
+def _synthetic(log: Source) -> bool:
+    if SYNTHETIC_COLUMN not in log.table.columns:
+        return False
+    column = log.table[SYNTHETIC_COLUMN]
+    kinds = log.fetch(log.table.select(kind=column.cast("string")).distinct().limit(2))
+    return kinds["kind"].to_pylist() == [SYNTHETIC]
+
+
+def _arrow(rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> pa.Table:
+    import pyarrow as pa
+
+    return pa.table({name: [row[name] for row in rows] for name in columns})

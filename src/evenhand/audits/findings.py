@@ -1,0 +1,170 @@
+"""From the counts of a log to what can be said of it.
+
+Every group of every identity is held against all others, in every issue, and so is every
+intersection that occurs, down to the depth that is asked for: one family of comparisons, with
+one error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from evenhand.audits import means, resemblance, waits
+from evenhand.audits.results import AuditSettings, Finding, Findings
+from evenhand.audits.tally import Identity, Tally, membership
+from evenhand.errors import InputError
+from evenhand.inference.chance import even_gaps
+from evenhand.inference.intersections import shrink
+from evenhand.inference.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, judge_table
+
+MOST_GROUPS = 2000
+"""Groups that are compared in one audit, intersections included."""
+
+BETWEEN = " × "
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """The groups of a log as kinds of people.
+
+    Attributes:
+        names: (identity, group) of each column.
+        single: columns of single identities; they come first.
+        inside: membership of the kinds, bool [I, G].
+        who: kind of each row of the tally, int64 [C].
+    """
+
+    names: tuple[tuple[str, str], ...]
+    single: int
+    inside: np.ndarray
+    who: np.ndarray
+
+
+def find(tally: Tally, settings: AuditSettings | None = None) -> Findings:
+    """Everything that an audit says of a log.
+
+    Args:
+        tally: counts of the log.
+        settings: level, relevant difference, depth of intersections, seed.
+
+    Raises:
+        InputError: for more than ``MOST_GROUPS`` groups, or a tally that does not hold together.
+    """
+    chosen = settings or AuditSettings()
+    testing, measuring, drawing = np.random.default_rng(chosen.seed).spawn(3)
+    groups = grouped(tally, chosen.depth)
+    verdicts, test = judge_table(
+        tally.x,
+        groups.inside,
+        tally.n,
+        testing,
+        chosen.verdict,
+        tally.stratum,
+        groups.who,
+        groups.single,
+    )
+    counts = verdicts.counts
+    with np.errstate(invalid="ignore"):
+        rate, rest = counts.inside_x / counts.inside_n, counts.outside_x / counts.outside_n
+    # Within strata chance is known from its variance; else there is an exact form.
+    mixed = len(np.unique(tally.stratum)) > 1
+    corrected = np.abs(verdicts.gap) - (test.even_gap if mixed else even_gaps(counts))
+    needed = np.where(verdicts.verdict == INSUFFICIENT, verdicts.needed, np.nan)
+    shrunk = _shrunk(groups, counts.inside_x, counts.inside_n)
+    found = tuple(
+        Finding(
+            identity=identity,
+            group=group,
+            issue=issue,
+            n=int(counts.inside_n[g, k]),
+            cases=int(counts.inside_x[g, k]),
+            rate=float(rate[g, k]),
+            rest_n=int(counts.outside_n[g, k]),
+            rest_rate=float(rest[g, k]),
+            difference=float(verdicts.gap[g, k]),
+            low=float(verdicts.low[g, k]),
+            high=float(verdicts.high[g, k]),
+            corrected=float(corrected[g, k]),
+            p=float(verdicts.p[g, k]),
+            p_adjusted=float(verdicts.p_adjusted[g, k]),
+            verdict=str(verdicts.verdict[g, k]),
+            needed=float(needed[g, k]),
+            shrunk=float(shrunk[g, k]),
+        )
+        for g, (identity, group) in enumerate(groups.names)
+        for k, issue in enumerate(tally.issues)
+    )
+    uneven = {one.identity for one in found if one.verdict == DISPARITY}
+    return Findings(
+        findings=found,
+        waits=waits.compare(tally, chosen.verdict.alpha),
+        measures=means.compare(tally, measuring, chosen.verdict.permutations),
+        resemblance=resemblance.ask(tally, drawing, uneven),
+        verdict=_of_the_log({one.verdict for one in found}),
+        total=test.total,
+        even_total=test.even_total,
+        p_total=test.p_total,
+        services=tally.services,
+        settings=chosen,
+    )
+
+
+def grouped(tally: Tally, depth: int = 1) -> Groups:
+    """The groups of single identities, then those of the intersections that occur.
+
+    Args:
+        tally: counts of the log.
+        depth: identities that are combined at most.
+
+    Raises:
+        InputError: for more than ``MOST_GROUPS`` groups.
+    """
+    kinds, who = np.unique(tally.codes, axis=0, return_inverse=True)
+    names = list(tally.names())
+    single = len(names)
+    _few(single, 1)
+    columns = [membership(kinds, tally.identities).astype(bool)]
+    for size in range(2, min(depth, len(tally.identities)) + 1):
+        for chosen in combinations(range(len(tally.identities)), size):
+            combined, which = np.unique(kinds[:, chosen], axis=0, return_inverse=True)
+            several = [tally.identities[d] for d in chosen]
+            names += [_named(several, row) for row in combined]
+            _few(len(names), size)
+            columns.append(which.reshape(-1, 1) == np.arange(len(combined)))
+    return Groups(tuple(names), single, np.concatenate(columns, axis=1), who.ravel())
+
+
+def _named(several: list[Identity], codes: np.ndarray) -> tuple[str, str]:
+    """Such as ("race × gender", "Black × female")."""
+    groups = [one.groups[code] for one, code in zip(several, codes, strict=True)]
+    return BETWEEN.join(one.name for one in several), BETWEEN.join(groups)
+
+
+def _few(groups: int, depth: int) -> None:
+    if groups > MOST_GROUPS:
+        advice = "name fewer identities or bin their values" if depth == 1 else "lower the depth"
+        raise InputError(
+            f"at depth {depth} the log has {groups} groups or more, and {MOST_GROUPS} is the most "
+            f"that can be compared together: {advice}"
+        )
+
+
+def _shrunk(groups: Groups, cases: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Rates of intersections drawn towards each other, [G, K]; NaN for single identities."""
+    shrunk = np.full(cases.shape, np.nan)
+    identity = np.array([name for name, _ in groups.names])
+    for name in dict.fromkeys(identity[groups.single :]):
+        rows = np.flatnonzero(identity == name)
+        rows = rows[rows >= groups.single]
+        for k in range(cases.shape[1]):
+            known = rows[n[rows, k] > 0]
+            if len(known) > 1:
+                shrunk[known, k] = shrink(cases[known, k], n[known, k]).rate
+    return shrunk
+
+
+def _of_the_log(verdicts: set[str]) -> str:
+    return next(one for one in (DISPARITY, NO_EVIDENCE, INSUFFICIENT) if one in verdicts)

@@ -1,0 +1,139 @@
+"""Waiting from counts against statsmodels, rows of services, and hand numbers."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from statsmodels.duration.survfunc import SurvfuncRight, survdiff
+from statsmodels.stats.multitest import multipletests
+
+from evenhand.audits import waits
+from evenhand.audits.tally import Identity, Tally, Waits
+from evenhand.inference import survival
+
+IDENTITIES = (Identity("race", ("A", "B")), Identity("age", ("young", "middle", "old")))
+
+
+def log(codes, step, responded, n, late, seconds=0.5, identities=IDENTITIES):
+    """A tally that tells little but waiting."""
+    codes = np.array(codes, np.int64)
+    told = Waits(codes, np.array(step), np.array(responded, bool), np.array(n), seconds, late)
+    return Tally(
+        identities=identities,
+        issues=("willingness",),
+        strata=("",),
+        codes=codes,
+        stratum=np.zeros(len(codes), np.int64),
+        x=1.0 - np.array(responded, float)[:, None],
+        n=np.array(n),
+        waits=told,
+    )
+
+
+def random_log():
+    rng = np.random.default_rng(0)
+    codes = rng.integers(0, (2, 3), (150, 2))
+    step = rng.integers(1, 15 + 10 * codes[:, 1])
+    return log(codes, step, rng.random(150) < 0.8, rng.integers(1, 6, 150), late=12)
+
+
+def services(tally):
+    """One row a service: steps, responses and membership."""
+    told = tally.waits
+    rows = np.repeat(np.arange(len(told.n)), told.n)
+    return told.step[rows].astype(float), told.responded[rows].astype(float), tally.inside()[rows]
+
+
+def test_hand_numbers():
+    # A: answered at 1, 2, 2, 4; one left at 3. B: answered at 6 twice, one left at 6.
+    rows = [(0, 1, 1, 1), (0, 2, 1, 2), (0, 3, 0, 1), (0, 4, 1, 1), (1, 6, 1, 2), (1, 6, 0, 1)]
+    codes, step, responded, n = zip(*rows, strict=True)
+    tally = log(
+        [[c] for c in codes], step, responded, n, late=2, identities=(Identity("race", ("A", "B")),)
+    )
+    a, b = waits.compare(tally)
+    assert (a.n, a.responses, b.n, b.responses) == (5, 4, 3, 2)
+    assert a.unserved == pytest.approx(4 / 5 * 2 / 4)
+    assert (b.unserved, a.rest_unserved, b.rest_unserved) == pytest.approx((1, 1, 0.4))
+    assert a.difference == pytest.approx(-0.6)
+    assert (a.median, b.median) == (1.0, 3.0)  # steps 2 and 6 of half a second
+    # Wilson's limits for three of three who still wait: low = 3 / (3 + 1.96²).
+    assert (b.unserved_low, b.unserved_high) == pytest.approx((3 / (3 + 1.959964**2), 1))
+
+
+def test_exactly_one_half_is_reached():
+    rows = [(0, step, True, 1) for step in range(1, 7)] + [(1, 9, False, 4)]
+    codes, step, responded, n = zip(*rows, strict=True)
+    tally = log(
+        [[c] for c in codes], step, responded, n, late=9, identities=(Identity("race", ("A", "B")),)
+    )
+    a, b = waits.compare(tally)
+    assert a.median == 1.5  # three of six are answered at step 3, whatever rounding says
+    assert math.isnan(b.median)
+    assert b.responses == 0
+
+
+def test_shares_against_statsmodels():
+    tally = random_log()
+    waited, responded, inside = services(tally)
+    for one, member in zip(waits.compare(tally), inside.T, strict=True):
+        for side, share in ((1, one.unserved), (0, one.rest_unserved)):
+            rows = member == side
+            oracle: Any = SurvfuncRight(waited[rows], responded[rows])
+            last = np.flatnonzero(oracle.surv_times <= 12)[-1]
+            assert share == pytest.approx(oracle.surv_prob[last])
+            if side:
+                below = np.flatnonzero(oracle.surv_prob <= 0.5)[0]
+                assert one.median == oracle.surv_times[below] * 0.5
+        assert one.n == member.sum()
+        assert one.responses == responded[member == 1].sum()
+
+
+def test_log_rank_against_statsmodels_with_holm():
+    tally = random_log()
+    waited, responded, inside = services(tally)
+    p = [survdiff(waited, responded, member)[1] for member in inside.T]
+    adjusted: Any = multipletests(p, method="holm")[1]
+    found = [one.p for one in waits.compare(tally)]
+    assert found == pytest.approx(list(adjusted), rel=1e-9)
+    assert min(found) < 0.001 < 0.05 < max(found)
+
+
+def test_limits_are_those_of_a_row_for_each_service():
+    tally = random_log()
+    waited, responded, inside = services(tally)
+    alone = survival.kaplan_meier(waited, responded, inside, np.array([12.0]))
+    together = survival.waiting_gap(waited, responded, inside, 12.0, 1 - 0.05 / 5)
+    found = waits.compare(tally)
+    for name, expected in (
+        ("unserved_low", alone.low[0]),
+        ("unserved_high", alone.high[0]),
+        ("difference", together.gap),
+        ("low", together.low),
+        ("high", together.high),
+    ):
+        assert [getattr(one, name) for one in found] == pytest.approx(list(expected))
+
+
+@pytest.mark.parametrize("late", [0, 1, 40])
+def test_edges_are_those_of_a_row_for_each_service(late):
+    codes = [[0, 0], [0, 1], [1, 0], [1, 0], [0, 1]]
+    tally = log(codes, [1, 3, 2, 2, 5], [1, 1, 0, 1, 1], [2, 1, 3, 1, 2], late)
+    waited, responded, inside = services(tally)
+    expected = survival.waiting_gap(waited, responded, inside, late, 1 - 0.05 / 5)
+    found = waits.compare(tally)
+    np.testing.assert_allclose([one.unserved for one in found], expected.inside)
+    np.testing.assert_allclose([one.rest_unserved for one in found], expected.outside)
+    np.testing.assert_allclose([one.low for one in found], expected.low)
+    np.testing.assert_allclose([one.high for one in found], expected.high)
+    # Nobody is old: missing, not 0.
+    old = found[-1]
+    assert old.n == 0
+    assert all(math.isnan(v) for v in (old.unserved, old.median, old.difference, old.p))
+
+
+def test_a_log_without_waiting_has_no_findings():
+    tally = random_log()
+    object.__setattr__(tally, "waits", None)
+    assert waits.compare(tally) == ()

@@ -1,0 +1,300 @@
+"""The page of a comparison, from small made-up tables: verdicts, missing numbers, hostile text."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from evenhand.errors import InputError
+from evenhand.experiments import compare_tables
+from evenhand.report import (
+    compare_data,
+    compare_page,
+    compare_verdicts,
+    compare_words,
+    figures_fronts,
+)
+from evenhand.report.compare_data import Comparison
+from unit.report.compared import write_comparison, write_csv
+from unit.report.pages import Page
+
+
+def change(path: Path, edit: Callable[[dict[str, str]], Any]) -> None:
+    """Change every row of a CSV file."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        edit(row)
+    write_csv(path, tuple(rows[0]), rows)
+
+
+def drawn_without_figures(folder: Path) -> Page:
+    """The page, where the figures show nothing more."""
+    return Page(compare_page.render(compare_data.read(folder), []))
+
+
+def text_of(page: Page) -> str:
+    return " ".join(" ".join(page.text).split())
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = write_comparison(tmp_path_factory.mktemp("compared") / "out")
+    assert compare_page.build(folder) == folder / "report.html"
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(built: Path) -> Page:
+    return Page((built / "report.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def comparison(built: Path) -> Comparison:
+    return compare_data.read(built)
+
+
+def test_the_tables_are_those_that_the_comparison_writes() -> None:
+    assert {name: tuple(schema) for name, schema in compare_data.SCHEMAS.items()} == {
+        "results": compare_tables.RESULTS,
+        "summary": compare_tables.SUMMARY,
+        "fronts": compare_tables.FRONTS,
+    }
+
+
+def test_the_page_stands_alone_and_is_well_formed(built: Path, page: Page) -> None:
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(set(ids)) == len(ids)
+    links = [a["href"] for _, a in page.tags if "href" in a]
+    assert {link[1:] for link in links if link.startswith("#")} <= set(ids)
+    assert all((built / link).is_file() for link in links if not link.startswith("#"))
+    assert not {"script", "img", "link", "iframe"} & {tag for tag, _ in page.tags}
+    assert not re.search(r"url\((?!#)|@import", (built / "report.html").read_text())
+    shown = [int(tag[1]) for tag, _ in page.tags if tag in ("h1", "h2", "h3")]
+    assert shown[0] == 1
+    assert shown.count(1) == 1
+    assert {path.name for path in (built / "figures").iterdir()} == {
+        f"{name}{end}" for name in ("compare_ppo", "hypervolume")
+        for end in (".svg", "-narrow.svg", ".pdf", ".csv")
+    }  # fmt: skip
+
+
+def test_the_same_tables_give_the_same_bytes(built: Path) -> None:
+    again = [compare_page.render(compare_data.read(built), []) for _ in range(2)]
+    assert again[0] == again[1]
+
+
+def test_head_says_what_was_compared(page: Page) -> None:
+    text = text_of(page)
+    assert "6 arms in 3 scenarios (even, prejudiced, tips) with PPO" in text
+    assert "synthetic people" in text
+    for fact in ("Runs 180", "Seeds an arm 10 (from 0 to 9)", "300 epochs × 30 services",
+                 "5,000 services a run", "Computing 2.0 h", "Commit not known"):  # fmt: skip
+        assert fact in text
+
+
+def cells(judged: compare_verdicts.Judged, scenario: str) -> Mapping[str, Any]:
+    [line] = [line for line in judged.lines if line.scenario == scenario]
+    return dict(zip(compare_verdicts.AIMS, line.cells, strict=True))
+
+
+def test_verdicts_by_hand(comparison: Comparison) -> None:
+    levelup, surgery = compare_verdicts.judge(comparison)
+    assert (levelup.arm, surgery.arm) == ("level-up", "surgery")
+    good = cells(levelup, "tips")
+    # 0.45 of 0.50 attained; +1 point; +30 points; 0.8 against ELBERT's 0.7
+    assert [cell.state for cell in good.values()] == ["reached"] * 4
+    assert good["Corrected total"].value == "90.0\xa0% attained"
+    assert good["Corrected total"].interval == "[89.9\xa0%, 90.1\xa0%]"
+    assert good["Perfect services"].value == "+1.0 points"
+    assert good["Worst-served group"].interval == "[+29.9, +30.1]"
+    assert good["Hypervolume"].why == "best rival ELBERT-PO 0.700"
+    bad = cells(surgery, "prejudiced")
+    assert [cell.state for cell in bad.values()] == ["not reached"] * 4
+    assert bad["Perfect services"].value == "\N{MINUS SIGN}5.0 points"
+    # of 0.3, 60 % is willingness
+    assert bad["Corrected total"].why.endswith(
+        "most of what is left is willingness, 0.180 of 0.300"
+    )
+    even = cells(levelup, "even")
+    assert [cell is None for cell in even.values()] == [True, True, True, False]
+
+
+def test_aims_over_scenarios_by_hand(comparison: Comparison) -> None:
+    levelup, surgery = compare_verdicts.judge(comparison)
+    whole = [(aim, cell.state, cell.value) for aim, _, cell in levelup.whole]
+    assert whole == [
+        ("Biased epochs in training", "reached", "92.0\xa0% fewer"),  # 4 of 50
+        ("Hypervolume in 5 of 6 scenarios", "cannot be told", "in 3 of 6"),  # three were not run
+    ]
+    # surgery: 20 of 50; hypervolume missed in three scenarios, so five cannot be reached
+    assert [cell.state for _, _, cell in surgery.whole] == ["not reached"] * 2
+    # two scenarios by three aims, three by one, biased epochs, hypervolume over scenarios
+    assert [(state, n) for state, _, n in levelup.counts] == [
+        ("reached", 10), ("not reached", 0), ("cannot be told", 1),
+    ]  # fmt: skip
+    assert "Hypervolume: reached in all 3 cases." in levelup.words
+    assert "Corrected total: not reached in both cases." in surgery.words
+
+
+def test_verdicts_have_icon_and_words(page: Page) -> None:
+    text = text_of(page)
+    assert "✓ reached 90.0 % attained 95 % [89.9 %, 90.1 %]" in text
+    assert "✗ not reached" in text
+    assert "? cannot be told in 3 of 6" in text
+    assert "How to read this." in text
+    assert "no aim here" in text
+
+
+def test_other_strengths_are_judged_only_without_the_standard_one(tmp_path: Path) -> None:
+    folder = write_comparison(tmp_path / "out")
+
+    def rename(row: dict[str, str]) -> None:
+        row["arm"] = {"levelup": "levelup@2"}.get(row["arm"], row["arm"])
+
+    for name in ("results", "summary"):
+        change(folder / f"{name}.csv", rename)
+    assert compare_verdicts.judged_arms(compare_data.read(folder)) == ["levelup@2", "surgery"]
+    assert compare_data.arm_label("levelup@2") == "level-up, strength 2"
+
+
+def test_scenarios_are_shown_by_four_robots(comparison: Comparison) -> None:
+    table = compare_words.scenario_table(comparison)
+    assert table[0][:2] == ("even", "nothing is uneven")
+    lines = dict(table[2][2])
+    assert list(lines) == ["untrained", "service alone, PPO", "reference robot"]
+    assert [cell.value for cell in lines["service alone, PPO"]] == [
+        "0.500", "0.800", "90.0\xa0%", "50.0\xa0%",
+    ]  # fmt: skip
+    assert lines["reference robot"][0].interval == "[\N{MINUS SIGN}0.001, 0.001]"
+
+
+def test_every_row_of_the_summary_is_in_the_page(comparison: Comparison) -> None:
+    full = dict(compare_words.full_table(comparison))
+    assert sum(map(len, full.values())) == len(comparison.summary)
+    assert full["tips"][0][:5] == [
+        "", "reference robot", "corrected total", "10",
+        "0.000 [\N{MINUS SIGN}0.001, 0.001]",
+    ]  # fmt: skip
+    [row] = [row for row in full["tips"] if row[1:3] == ["surgery", "perfect rate"]]
+    assert row[5].startswith("\N{MINUS SIGN}0.050 [")
+    assert row[7] == ""  # a share is of the corrected total alone
+
+
+def test_limits_are_composed(comparison: Comparison) -> None:
+    said = dict(compare_words.limits(comparison))
+    assert set(said) == {"Scenarios not run.", "Arms not run.", "Code."}
+    assert said["Scenarios not run."].startswith("perception, minority, everyday:")
+
+
+def test_one_seed_is_said_and_decides_nothing(tmp_path: Path) -> None:
+    folder = write_comparison(tmp_path / "out", seeds=1)
+    text = text_of(drawn_without_figures(folder))
+    assert "1 seed an arm, where the aims ask for 10." in text
+    assert "With one seed there is no interval, and no aim can be told." in text
+    assert "0 reached ✗ 0 not reached" in text
+    assert "95 % [" not in text
+    assert not re.search(r"\b(nan|NaN|None)\b", text)
+
+
+def test_few_and_unequal_seeds_are_said(tmp_path: Path) -> None:
+    folder = write_comparison(
+        tmp_path / "out", seeds=3, settings={"epochs": 9, "services": 600},
+        commit={"hash": "ab" * 20, "changed": True}, earlier={"created": "then", "version": "0"},
+    )  # fmt: skip
+
+    def fewer(row: dict[str, str]) -> None:
+        row["seeds"] = "2" if row["arm"] == "elbert" else row["seeds"]
+
+    change(folder / "summary.csv", fewer)
+    said = dict(compare_words.limits(compare_data.read(folder)))
+    assert said["Few seeds."].startswith("2 to 3 seeds an arm, where the aims ask for 10. An inter")
+    assert said["Unequal seeds."].startswith("Arms have 2 to 3 seeds.")
+    assert said["Short tests."].startswith("600 services a run")
+    assert "changed since the commit" in said["Code."]
+    assert "a comparison of then, version 0" in said["Earlier runs."]
+
+
+def test_missing_numbers_stay_missing(tmp_path: Path) -> None:
+    folder = write_comparison(tmp_path / "out")
+    numbers = ("iqm", "low", "high", "share", "difference", "improvement")
+
+    def forget(row: dict[str, str]) -> None:
+        if row["scenario"] == "tips" and row["metric"] != "raw_total":
+            row.update((name, "") for name in row if name.startswith(numbers))
+
+    change(folder / "summary.csv", forget)
+    change(folder / "results.csv", lambda row: row.update(value="") if row["seed"] == "0" else None)
+    change(folder / "fronts.csv", lambda row: row.update(hypervolume="", low="", high=""))
+    text = text_of(drawn_without_figures(folder))
+    assert text.count("? cannot be told not defined a number is missing") > 3
+    # one seed's numbers of 18 arms and 9 metrics, but for the biased epochs of 6 that learn nothing
+    assert "156 of 1,620 numbers of runs are not defined" in text
+    assert not re.search(r"\b(nan|NaN|None)\b", text)
+    assert figures_fronts.draw_all(compare_data.read(folder).fronts) == []
+
+
+def test_hostile_text_is_shown_and_never_run(tmp_path: Path) -> None:
+    evil = '<script>alert(1)</script>"><img src=x onerror=alert(1)> $x_1$'
+    folder = write_comparison(
+        tmp_path / "out", scenarios=("tips",), command=evil, created=evil,
+        version=evil, versions={evil: evil},
+        settings={"epochs": 3, "services": 300, evil: evil},
+        commit={"hash": evil, "changed": False},
+    )  # fmt: skip
+    for name in ("results", "summary", "fronts"):
+        change(
+            folder / f"{name}.csv",
+            lambda row: row.update(scenario=evil) if row["scenario"] == "tips" else None,
+        )
+    page = Page(compare_page.build(folder).read_text(encoding="utf-8"))
+    assert not {"script", "img"} & {tag for tag, _ in page.tags}
+    assert not any("onerror" in attributes for _, attributes in page.tags)
+    assert "".join(page.text).count("<script>alert(1)</script>") >= 8
+
+
+@pytest.mark.parametrize(
+    ("name", "edit", "said"),
+    [
+        ("summary", {"iqm": "high"}, r"summary\.csv: row 2, column 'iqm' is 'high'"),
+        ("fronts", {"method": "service"}, r"fronts\.csv: row 3 repeats row 2"),
+    ],
+)
+def test_a_malformed_table_stops_the_page_before_anything_is_written(
+    tmp_path: Path, name: str, edit: dict[str, str], said: str
+) -> None:
+    folder = write_comparison(tmp_path / "out")
+    change(folder / f"{name}.csv", lambda row: row.update(edit))
+    with pytest.raises(InputError, match=said):
+        compare_page.build(folder)
+    assert not (folder / "figures").exists()
+    assert not (folder / "report.html").exists()
+
+
+def test_an_unknown_arm_is_named_with_the_nearest_that_there_is(tmp_path: Path) -> None:
+    folder = write_comparison(tmp_path / "out")
+    spelling = {"levelup": "levlup"}
+    change(
+        folder / "summary.csv",
+        lambda row: row.update(arm=spelling.get(row["arm"], row["arm"])),
+    )
+    with pytest.raises(InputError, match="did you mean 'levelup'"):
+        compare_page.build(folder)
+
+
+@pytest.mark.parametrize(
+    ("manifest", "said"),
+    [
+        ({"command": 3}, "field 'command' is 3, of a wrong type"),
+        ({"settings": {"epochs": 3}}, "settings need a whole number of services"),
+    ],
+)
+def test_a_malformed_manifest_is_named(tmp_path: Path, manifest: Any, said: str) -> None:
+    folder = write_comparison(tmp_path / "out", **manifest)
+    with pytest.raises(InputError, match=said):
+        compare_page.build(folder)
