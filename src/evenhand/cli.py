@@ -25,6 +25,7 @@ COMMANDS = {
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
     "compare": ("compare.Compare", "compare ways to evenness, rivals included, in every scenario"),
     "audit": ("audit.Audit", "audit the log of any service robot: who is served unevenly?"),
+    "watch": ("watch.Watch", "watch a growing log, with an alarm that may be looked at any time"),
     "example": ("example.Example", "write a synthetic log to try an audit on"),
     "demos": ("demos.Demos", "let scripted robots serve, and simulated respondents judge them"),
     "alarms": ("alarms.Alarms", "false alarms and power of the verdicts, simulated"),

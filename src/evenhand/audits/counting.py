@@ -48,12 +48,13 @@ class _Keys:
     strata: tuple[str, ...]
 
 
-def tally(source: Source, mapping: Mapping) -> tuple[Tally, tuple[str, ...]]:
+def tally(source: Source, mapping: Mapping, alone: bool = False) -> tuple[Tally, tuple[str, ...]]:
     """Count a log.
 
     Args:
         source: the log.
         mapping: what its columns stand for.
+        alone: accept a log in which every identity has one group only.
 
     Returns:
         The counts, and what is hardly meant or was left out, one sentence each.
@@ -101,7 +102,7 @@ def tally(source: Source, mapping: Mapping) -> tuple[Tally, tuple[str, ...]]:
     source.check_unchanged()
     return result, (
         *checked.warnings,
-        *remarks(result, mapping, source.name),
+        *remarks(result, mapping, source.name, alone),
         *(
             f"measure {column!r} is counted in {FINE} steps between its quartiles"
             for column, spread in checked.spreads.items()

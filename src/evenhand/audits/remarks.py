@@ -11,19 +11,20 @@ MANY_NUMBERS = 30
 """Numeric groups of an identity beyond which binning is proposed."""
 
 
-def remarks(tally: Tally, mapping: Mapping, name: str) -> tuple[str, ...]:
+def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> tuple[str, ...]:
     """Doubts about the groups and about waiting.
 
     Args:
         tally: the counts.
         mapping: by which it was counted.
         name: of the log.
+        alone: accept that nothing can be compared.
 
     Raises:
         InputError: when no identity has two groups, so that nothing can be compared.
     """
     found = []
-    if all(len(one.groups) < 2 for one in tally.identities):
+    if not alone and all(len(one.groups) < 2 for one in tally.identities):
         shown = ", ".join(f"{one.name} ({', '.join(one.groups)})" for one in tally.identities)
         raise InputError(f"{name}: every identity has one group only, {shown}: nothing to compare")
     for one in tally.identities:

@@ -147,9 +147,7 @@ def verdict_sentence(findings: Findings) -> str:
 def disparity_sentences(findings: Findings, within: str = "") -> list[str]:
     """One for each disparity, the largest first; two groups of one identity share theirs.
 
-    Args:
-        findings: of an audit.
-        within: what the strata are, if any.
+    ``within`` names the strata, if there are any.
     """
     listed = findings.findings
     said: list[tuple[float, str]] = []
@@ -173,9 +171,10 @@ def _disparity(findings: Findings, one: Finding, twin: str | None, within: str) 
     more = "more" if one.difference > 0 else "less"
     like = f"within the same {shown(within)}, " if within else ""
     gap = f"{like}{100 * abs(one.difference):.1f} percentage points {more}"
+    sure = f"{level(findings)} interval {points(one.low)} to {points(one.high)}"
     return (
         f"{who(one)} {happened} in {share(one.rate)} of {services(one.n, kind)}, {rest} in "
-        f"{share(one.rest_rate)} of {one.rest_n:,}: {gap} ({level(findings)} interval {points(one.low)} to {points(one.high)}; "
+        f"{share(one.rest_rate)} of {one.rest_n:,}: {gap} ({sure}; "
         f"adjusted p{SPACE}{p_value(one.p_adjusted, sign=True)})."
     )
 

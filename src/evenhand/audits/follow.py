@@ -1,0 +1,195 @@
+"""New rows of a growing log, a batch at a time: a text file that is appended to, or a table."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import ibis
+
+from evenhand.audits.counting import tally
+from evenhand.audits.mapping import Mapping
+from evenhand.audits.sources import Source, open_source
+from evenhand.audits.tally import Tally
+from evenhand.errors import InputError, unknown
+
+TEXT = (".csv", ".tsv", ".jsonl", ".ndjson")
+"""Files that can be followed while they grow."""
+MOST = 3_000
+"""Batches that are counted together: enough to catch up fast, few enough to answer soon."""
+_BATCH = "evenhand batch"
+
+
+@dataclass
+class TextTail:
+    """Whole records of a text file, as far as it is written.
+
+    Attributes:
+        path: the file.
+        read: bytes taken from it.
+        head: the header of CSV and TSV, empty for JSON Lines.
+        waiting: records that have not been handed out.
+        rest: the beginning of a record that is not whole yet.
+    """
+
+    path: Path
+    read: int = 0
+    head: bytes = b""
+    waiting: tuple[bytes, ...] = ()
+    rest: bytes = b""
+
+    def grow(self) -> None:
+        """Read what has been written since.
+
+        Raises:
+            InputError: when the file went away or became shorter.
+        """
+        try:
+            with self.path.open("rb") as file:
+                size = os.fstat(file.fileno()).st_size
+                if size < self.read:
+                    raise InputError(
+                        f"{self.path} became shorter while it was watched: it was cut off or "
+                        "replaced, so begin a new watch"
+                    )
+                file.seek(self.read)
+                new = file.read(size - self.read)
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be read: {error.strerror or error}") from error
+        self.read += len(new)
+        found, self.rest = records(self.rest + new, quoted=self._quoted)
+        if self._quoted and not self.head and found:
+            self.head, *found = found
+        self.waiting += tuple(one for one in found if one.strip())
+
+    def take(self, n: int) -> bytes:
+        """The next n records as a file of their own, header included."""
+        taken, self.waiting = self.waiting[:n], self.waiting[n:]
+        return self.head + b"".join(taken)
+
+    @property
+    def _quoted(self) -> bool:
+        return self.path.suffix.lower() in TEXT[:2]
+
+
+def records(content: bytes, quoted: bool) -> tuple[list[bytes], bytes]:
+    """Cut text into records, each with its line end; and what is left behind the last.
+
+    Args:
+        content: from the beginning of a record on.
+        quoted: a line end between quotation marks belongs to a cell (RFC 4180).
+    """
+    found, first, marks = [], 0, 0
+    for at in re.finditer(rb'[\n"]' if quoted else rb"\n", content):
+        if at.group() == b'"':
+            marks += 1
+        elif marks % 2 == 0:
+            found.append(content[first : at.end()])
+            first = at.end()
+    return found, content[first:]
+
+
+@dataclass
+class Follower:
+    """Hands out counts of whole batches, in the order of the log.
+
+    Attributes:
+        source: the log as it was when the watch began; its columns decide the mapping.
+        mapping: what they stand for.
+        batch: services in each.
+        seen: services handed out.
+        tail: of a text file; None for a table.
+        order: column by which a table is in order of time; None for a file that does not grow.
+    """
+
+    source: Source
+    mapping: Mapping
+    batch: int
+    seen: int = 0
+    tail: TextTail | None = None
+    order: str | None = None
+
+    def next(self) -> Tally | None:
+        """Counts of the next batches, each a stratum named by its number; None if none is full.
+
+        Raises:
+            InputError: when the log cannot be read, or holds what it should not.
+        """
+        if self.tail is not None:
+            return self._from_text(self.tail)
+        ordered = self.source.table
+        if self.order is not None:
+            ordered = ordered.order_by(self.order)
+        there = int(self.source.fetch(ordered.aggregate(n=ordered.count()))["n"][0].as_py())
+        if there < self.seen:
+            raise InputError(f"{self.source.name} lost rows while it was watched: begin anew")
+        full = min((there - self.seen) // self.batch, MOST) * self.batch
+        if not full:
+            return None
+        rows = ordered.limit(full, offset=self.seen)
+        return self._counted(replace(self.source, table=rows, parts=(), rows=full), full)
+
+    def _from_text(self, tail: TextTail) -> Tally | None:
+        tail.grow()
+        full = min(len(tail.waiting) // self.batch, MOST) * self.batch
+        if not full:
+            return None
+        with tempfile.TemporaryDirectory(prefix="evenhand-") as folder:
+            part = Path(folder) / f"new{tail.path.suffix}"
+            part.write_bytes(tail.take(full))
+            try:
+                return self._counted(open_source(part), full)
+            except InputError as error:
+                said = str(error).replace(str(part), str(tail.path))
+                raise InputError(
+                    f"{said} (rows are counted from the {self.seen + 1:,}. service on)"
+                ) from None
+
+    def _counted(self, log: Source, services: int) -> Tally:
+        numbered: Any = log.table
+        place = ibis.row_number().over(ibis.window(order_by=self.order)) // self.batch
+        log = replace(log, table=numbered.mutate(**{_BATCH: place.cast("int64")}))
+        counts, _ = tally(log, replace(self.mapping, within=(_BATCH,)), alone=True)
+        self.seen += services
+        return counts
+
+
+def follower(
+    source: str,
+    table: str | None,
+    order: str | None,
+    batch: int,
+    chosen: Callable[[Source], Mapping],
+) -> Follower:
+    """Begin to follow a log.
+
+    Args:
+        source: a file, or the URL of a database.
+        table: in a database, which.
+        order: column by which a database is in order of time.
+        batch: services that are counted together.
+        chosen: from the log to what its columns stand for.
+
+    Raises:
+        InputError: when the log cannot be read, or its order is not known.
+    """
+    log = open_source(source, table)
+    mapping = chosen(log)
+    if mapping.within:
+        raise InputError("a watch compares within each batch already: leave out --within")
+    path = Path(source)
+    if path.suffix.lower() in TEXT and path.is_file():
+        return Follower(log, mapping, batch, tail=TextTail(path))
+    if "://" in source or log.description.get("kind") == "DuckDB":
+        if order is None:
+            raise InputError(
+                f"{log.name} has no order of its own: name the column of time with --order-by"
+            )
+        if order not in log.table.columns:
+            raise unknown(f"column of {log.name}", order, log.table.columns)
+    return Follower(log, mapping, batch, order=order)
