@@ -5,53 +5,24 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from itertools import pairwise
 
 import pytest
 
 from evenhand.audits import card, figures
 from evenhand.report import style
+from support import pages
 
 NAN = math.nan
-VOID = {"meta", "br", "link", "img", "input", "hr"}
 
 
-class Page(HTMLParser):
-    """A strict reader: what is opened is closed in order; keeps attributes and text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.tags: list[tuple[str, dict[str, str]]] = []
-        self.pieces: list[str] = []
-        self.feed(text)
-        self.close()
-        assert not self.open, f"not closed: {self.open}"
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, {name: value or "" for name, value in attrs}))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, {name: value or "" for name, value in attrs}))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open, f"</{tag}> closes nothing"
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if "style" not in self.open:
-            self.pieces.append(data)
-
-    def attributes(self, tag: str) -> list[dict[str, str]]:
-        return [attributes for name, attributes in self.tags if name == tag]
+class Page(pages.Page):
+    """With its words as one text."""
 
     @property
-    def text(self) -> str:
-        words = " ".join(" ".join(self.pieces).split())
-        return words.replace("\N{MINUS SIGN}", "-")
+    def words(self) -> str:
+        """All that a reader sees, signs as on a keyboard."""
+        return " ".join(" ".join(self.text).split()).replace("\N{MINUS SIGN}", "-")
 
 
 @pytest.fixture(scope="module")
@@ -110,13 +81,13 @@ def test_it_needs_no_script_no_network_and_no_other_file(html, page):
 def test_the_verdict_is_a_badge_with_words(page):
     (badge,) = [i for i, a in enumerate(page.tags) if a[1].get("class") == "badge"]
     assert page.tags[badge + 1][1]["class"] == "status disparity"
-    assert page.text.count("Disparity") >= 1
-    assert "Disparity: in 3 of 32 comparisons" in page.text
-    assert "disparity: 3 – no evidence: 17 ? insufficient data: 12" in page.text
+    assert page.words.count("Disparity") >= 1
+    assert "Disparity: in 3 of 32 comparisons" in page.words
+    assert "disparity: 3 – no evidence: 17 ? insufficient data: 12" in page.words
 
 
 def test_every_number_of_every_finding_is_there(page):
-    text = page.text
+    text = page.words
     for row in (  # written by hand from the made-up counts
         "Elder willingness ! disparity 30.0 % (72 of 240) 12.0 % of 760 +18.0 [+13.0, +23.0] "
         "17.0 < 0.001",
@@ -152,7 +123,7 @@ def test_data_mapping_limits_and_how_to_repeat_it_are_there(page):
         "seed 7",
         "simulated respondents",
     ):
-        assert said in page.text.replace("2,000", "2000"), said
+        assert said in page.words.replace("2,000", "2000"), said
 
 
 def test_every_figure_has_words_and_every_table_heads(page):
@@ -189,8 +160,8 @@ def test_names_from_the_log_are_shown_and_never_run(small, about):
     page = Page(html)
     assert not {"script", "img"} & {tag for tag, _ in page.tags}
     assert not any("onerror" in attributes for _, attributes in page.tags)
-    assert "".join(page.pieces).count("<script>alert(1)</script>") >= 12
-    assert "{{ 7*7 }}" in page.text
+    assert "".join(page.text).count("<script>alert(1)</script>") >= 12
+    assert "{{ 7*7 }}" in page.words
     assert not set("\u202e\x00") & set(html)
     assert "�turned��round" in html
 
@@ -204,8 +175,8 @@ def test_other_findings_give_another_badge_and_leave_out_what_is_not_there(small
     classes = [a.get("class") for a in page.attributes("span")]
     assert classes[0] == "status no-evidence"
     assert "status disparity" in classes  # counted as none
-    assert "disparity: 0" in page.text
-    assert "Synthetic" not in page.text
+    assert "disparity: 0" in page.words
+    assert "Synthetic" not in page.words
     sections = [a["id"] for a in page.attributes("section")]
     assert sections == ["summary", "groups", "data", "method", "limits", "repeat"]
 
@@ -214,10 +185,10 @@ def test_combined_groups_show_their_shrunk_rates(small, about):
     found = small("a", "b")
     both = tuple(replace(f, identity="x × y", group=f"{f.group} × c", shrunk=0.1875)
                  for f in found.findings)  # fmt: skip
-    text = Page(card.render(replace(found, findings=both), about)).text
+    text = Page(card.render(replace(found, findings=both), about)).words
     assert "Adjusted p Shrunk rate" in text
     assert "0.900 18.8 %" in text
-    assert "Shrunk rate" not in Page(card.render(found, about)).text
+    assert "Shrunk rate" not in Page(card.render(found, about)).words
 
 
 def test_a_log_with_many_groups_draws_some_and_lists_all(small, about, one):
@@ -228,14 +199,14 @@ def test_a_log_with_many_groups_draws_some_and_lists_all(small, about, one):
     assert len(drawn) == 40
     assert "g059" in drawn
     page = Page(card.render(found, about))
-    assert "Drawn: 40 of 60 groups." in page.text
+    assert "Drawn: 40 of 60 groups." in page.words
     names = [f"g{i:03} risk" for i in range(60)]
-    assert all(name in page.text for name in names)
+    assert all(name in page.words for name in names)
     assert all("open" not in a for a in page.attributes("details"))
 
 
 def test_letters_that_the_font_lacks_are_left_to_the_browser(small, about):
-    assert "日本語" in Page(card.render(small("日本語", "b"), about)).text
+    assert "日本語" in Page(card.render(small("日本語", "b"), about)).words
 
 
 def positions(figure, colour):

@@ -15,7 +15,7 @@ import pytest
 from evenhand.errors import InputError
 from evenhand.report import build, figures
 from evenhand.report.figures import PLATES
-from unit.report.pages import Page
+from support.pages import Page
 
 NAMES = [plate.name for plate in PLATES]
 

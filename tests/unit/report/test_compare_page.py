@@ -20,8 +20,8 @@ from evenhand.report import (
     figures_fronts,
 )
 from evenhand.report.compare_data import Comparison
-from unit.report.compared import write_comparison, write_csv
-from unit.report.pages import Page
+from support.compared import write_comparison, write_csv
+from support.pages import Page
 
 
 def change(path: Path, edit: Callable[[dict[str, str]], Any]) -> None:
