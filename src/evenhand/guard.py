@@ -55,7 +55,7 @@ class Guard:
         recent: counts of the last epochs.
         reference: services and those with the issue in the epochs before these, discounted,
             [G, K, 2].
-        strength: factor for the weight of evenness, in [0, 1].
+        strength: factor that falls while service becomes worse, in [0, 1].
     """
 
     recent: Memory
@@ -81,6 +81,18 @@ class Guard:
         return cls(
             Memory.of(plain["recent"]), np.array(plain["reference"]), float(plain["strength"])
         )
+
+
+def weight(guard: Guard) -> float:
+    """What the strength of evenness is multiplied by, in [0, 1].
+
+    The guard's strength times the share of services without the issue, of everybody (the last
+    group), in the last epochs. A robot that serves nobody well is even in the emptiest way, and a
+    strong pull to evenness would keep it there: first comes service. It is 0 before any epoch.
+    """
+    everybody = pooled(guard.recent)
+    n, x = everybody.inside_n[-1].sum(), everybody.inside_x[-1].sum()
+    return guard.strength * (1.0 - float(x) / float(n)) if n > 0 else 0.0
 
 
 def worse(n: np.ndarray, x: np.ndarray, before_n: np.ndarray, before_x: np.ndarray) -> np.ndarray:
@@ -125,7 +137,7 @@ def watch(guard: Guard, counts: Counts, settings: GuardSettings) -> tuple[Guard,
         settings: when to speak of worse.
 
     Returns:
-        The guard from now on, whose ``strength`` multiplies μ; and the chance of each rate if
+        The guard from now on, whose `weight` multiplies μ; and the chance of each rate if
         nothing has changed, [G, K], 1 where there is nothing to compare.
     """
     leaving = guard.recent.windows[0, :, :, :2]

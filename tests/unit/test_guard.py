@@ -2,13 +2,14 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from evenhand.errors import InputError
-from evenhand.guard import Guard, GuardSettings, watch, worse
+from evenhand.guard import Guard, GuardSettings, watch, weight, worse
 from evenhand.issues import Counts
 
 SETTINGS = GuardSettings()
@@ -128,3 +129,15 @@ class TestWatch:
 def test_wrong_settings(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
         GuardSettings(**wrong)
+
+
+def test_evenness_weighs_as_much_as_there_is_service():
+    """60 services of everybody in two epochs, 15 and 30 of them imperfect: a quarter is good."""
+    watched = Guard.new(2, 1, SETTINGS)
+    assert weight(watched) == 0.0
+    for imperfect in (15.0, 30.0):
+        sides = (np.array([[10.0], [30.0]]), np.array([[0.0], [imperfect]]), *np.zeros((2, 2, 1)))
+        watched, _ = watch(watched, Counts(*sides), SETTINGS)
+    assert watched.strength == 1.0
+    assert weight(watched) == pytest.approx(0.25)
+    assert weight(replace(watched, strength=0.5)) == pytest.approx(0.125)

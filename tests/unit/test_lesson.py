@@ -82,6 +82,7 @@ EPOCH, BIASED = epoch(), epoch(biased=True)
 
 def settings(kind: Any = "none", shrink: float = 0.0, **changes: Any) -> TrainSettings:
     told = {name: changes.pop(name) for name in ("when", "guarded", "tau") if name in changes}
+    told.setdefault("guarded", False)
     weigh = CreditSettings(shrink=shrink, strength=changes.pop("strength", 1.0))
     return TrainSettings(
         preset="service",
@@ -241,7 +242,8 @@ def test_when_biased_it_counts_in_biased_epochs_only(kind, paid):
 
 @pytest.mark.parametrize(("kind", "paid"), [("influence", PAID), ("levelup", LEVELUP)])
 def test_the_guard_takes_its_share(kind, paid):
-    for guarded, share in ((True, 0.25), (False, 1.0)):
+    """Its strength, times the two of five services that were perfect."""
+    for guarded, share in ((True, 0.25 * 2 / 5), (False, 1.0)):
         chosen = settings(kind, guarded=guarded, strength=2.0)
         past = past_of(chosen, EPOCH)
         past = replace(past, guard=replace(past.guard, strength=0.25))
@@ -258,14 +260,15 @@ EARNED = [
     (settings("influence"), QUALITY + PAID),
     (settings("score"), QUALITY + 17 / 24),
     (settings("surgery"), QUALITY),
-    # a child brings 0.3 of the terms of a response, and 300 steps cost 0.4
+    # a child brings 0.3 of the terms of a response, and 300 steps cost 0.25
     (
         settings("none", scenario="tips"),
-        np.array([-0.5 - 0.4, 0.24 - 0.2, 0.3 - 0.2, 1.0 - 0.1, 0.925 - 0.3]),
+        np.array([-0.5 - 0.25, 0.24 - 0.125, 0.3 - 0.125, 1.0 - 0.0625, 0.925 - 0.1875]),
     ),
     (
         settings("levelup", scenario="everyday"),
-        np.array([-0.5 - 0.2, 0.52 - 0.1, 0.65 - 0.1, 1.0 - 0.05, 0.925 - 0.15]) + LEVELUP,
+        np.array([-0.5 - 0.125, 0.52 - 0.0625, 0.65 - 0.0625, 1.0 - 0.03125, 0.925 - 0.09375])
+        + LEVELUP,
     ),
 ]
 
@@ -300,14 +303,14 @@ class TestSurgery:
         np.testing.assert_allclose(fair[:, 0], -5 * EXACT, atol=1e-12)
 
     def test_the_guard_takes_its_share(self):
-        chosen = settings("surgery")
+        chosen = settings("surgery", guarded=True)
         past = past_of(chosen, EPOCH)
         past = replace(past, guard=replace(past.guard, strength=0.25))
         policy = train.untrained(chosen).policy
         following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
         taught, _ = lesson.learn_from(chosen, policy, EPOCH, past, following)
         assert taught.fair is not None
-        np.testing.assert_allclose(taught.fair[:, 0], -5 / 4 * EXACT, atol=1e-12)
+        np.testing.assert_allclose(taught.fair[:, 0], -5 / 4 * 2 / 5 * EXACT, atol=1e-12)
 
 
 # --- rivals ---
@@ -377,5 +380,5 @@ def test_tips_are_what_a_rival_shares_out():
     """Group DRO remembers the mean reward of each group."""
     chosen = settings("none", rival="group_dro", scenario="tips")
     _, after, _ = learn(chosen, EPOCH)
-    assert after.rival.mean[CHILD] == pytest.approx((-0.9 + 0.04 + 0.1) / 3)
-    assert after.rival.mean[ADULT] == pytest.approx((0.9 + 0.625) / 2)
+    assert after.rival.mean[CHILD] == pytest.approx((-0.75 + 0.115 + 0.175) / 3)
+    assert after.rival.mean[ADULT] == pytest.approx((0.9375 + 0.7375) / 2)

@@ -137,7 +137,7 @@ def _counts_now(settings: TrainSettings, epoch: Epoch) -> bool:
 def _weighed(settings: TrainSettings, past: Past) -> credit.CreditSettings:
     """How evenness weighs now, after what the guard saw."""
     weigh = settings.guidance.weigh
-    share = past.guard.strength if settings.guidance.guarded else 1.0
+    share = guard.weight(past.guard) if settings.guidance.guarded else 1.0
     return replace(weigh, strength=weigh.strength * share)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import credit, issues, people
+from evenhand import credit, guard, issues, people
 from evenhand.detector import Detector
 from evenhand.interactions import Interactions
 from evenhand.learn import imitate, lesson, reflection
@@ -155,6 +155,7 @@ def train(
             # -inf, which becomes a missing number, when nothing could be judged
             "probability": np.nan_to_num(probability, nan=-np.inf).max(),
             "guard_strength": past.guard.strength,
+            "guard_weight": guard.weight(past.guard),
             "time_serving": served_at - began,
             "time_updating": updated_at - updating_at,
         }

@@ -3,8 +3,9 @@
 Waiters serve worse whom they expect to tip less (Lynn 2006, Journal of Foodservice Business
 Research 9(4), a review). A robot that is paid by the bill learns the same, without a word about
 groups being said. The sizes here are chosen, not measured: who is young orders less, so a child
-brings in 0.3 and a teenager 0.5 of what others do, and 300 steps of the robot cost 0.4 of a perfect
-service. Ranges: shares from 1 (strength 0) down to these (strength 1), cost likewise from 0.
+brings in 0.3 and a teenager 0.5 of what others do, and 300 steps of the robot cost 0.25 of a
+perfect service. Ranges: shares from 1 (strength 0) down to these (strength 1), cost likewise from
+0. A greater cost would teach many robots to respond at once, to everybody alike.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from evenhand.errors import InputError
 from evenhand.restaurant import plan
 
 _SHARE = np.array([0.3, 0.5, 1.0, 1.0, 1.0])
-_COST = 0.4
+_COST = 0.25
 
 
 def check(strength: float) -> None:
