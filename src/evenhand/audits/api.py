@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenhand import files
-from evenhand.audits import card, figures, forms, words
+from evenhand.audits import forms, words
 from evenhand.audits.counting import tally
 from evenhand.audits.findings import find
 from evenhand.audits.guessing import guess
@@ -23,6 +23,7 @@ from evenhand.audits.results import AuditSettings, Findings
 from evenhand.audits.sources import Source, open_source
 from evenhand.audits.tally import Tally
 from evenhand.errors import InputError, unknown
+from evenhand.report import style
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -88,6 +89,9 @@ class Audit:
     @property
     def card(self) -> str:
         """One HTML page that needs nothing else."""
+        # what draws takes a second to load: an audit in the terminal does without
+        from evenhand.audits import card
+
         return card.render(self.findings, self.about)
 
     def figure(self, identity: str) -> Figure:
@@ -96,10 +100,13 @@ class Audit:
         Raises:
             InputError: for an identity that was not audited.
         """
+        from evenhand.audits import figures
+
         known = figures.identities(self.findings)
         if identity not in known:
             raise unknown("identity", identity, known)
-        return figures.differences(self.findings, identity)
+        with style.drawing():
+            return figures.differences(self.findings, identity)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the card (.html), everything (.json), or groups and issues (.csv).
@@ -170,13 +177,18 @@ def audit(
         InputError: when the log cannot be read or is not what it should be.
     """
     log = open_source(source, table)
-    if isinstance(source, str) and "://" in source:
-        command = command.replace(source, log.name)  # which holds no password
-    chosen = mapping_for(log, mapping, roles)
-    counts, warnings = tally(log, chosen)
+    if "url" in log.description:
+        command = command.replace(str(source), log.description["url"])  # without its password
+    try:
+        chosen = mapping_for(log, mapping, roles)
+        counts, warnings = tally(log, chosen)
+        synthetic = _synthetic(log)
+    finally:
+        log.close()
     judged = replace(settings or AuditSettings(), depth=chosen.depth)
     found = find(counts, judged)
-    return Audit(found, _about(log, chosen, counts, command, judged), chosen, tuple(warnings))
+    about = _about(log, chosen, counts, command or _call(log, judged), synthetic)
+    return Audit(found, about, chosen, tuple(warnings))
 
 
 def mapping_for(
@@ -203,16 +215,14 @@ def mapping_for(
     return found
 
 
-def _about(
-    log: Source, mapping: Mapping, counts: Tally, command: str, settings: AuditSettings
-) -> About:
+def _about(log: Source, mapping: Mapping, counts: Tally, command: str, synthetic: bool) -> About:
     waits = counts.waits
     return About(
         title=log.name,
         log=log.description | {"services": counts.services},
         mapping=describe(mapping),
-        command=command or _call(log, settings),
-        synthetic=_synthetic(log),
+        command=command,
+        synthetic=synthetic,
         left_out=tuple(_left_out(mapping, waits is not None)),
         meanings=meanings(mapping.thresholds, mapping.late),
         within=joined(list(mapping.within)) if mapping.within else "",
