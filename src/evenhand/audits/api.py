@@ -23,7 +23,6 @@ from evenhand.audits.results import AuditSettings, Findings
 from evenhand.audits.sources import Source, open_source
 from evenhand.audits.tally import Tally
 from evenhand.errors import InputError, unknown
-from evenhand.report import style
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -101,6 +100,7 @@ class Audit:
             InputError: for an identity that was not audited.
         """
         from evenhand.audits import figures
+        from evenhand.report import style
 
         known = figures.identities(self.findings)
         if identity not in known:
