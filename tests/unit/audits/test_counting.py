@@ -225,7 +225,9 @@ def test_moments_as_text_and_as_timestamps():
     assert told(found, "priority") == expected
 
 
-@pytest.mark.parametrize("make", [pa.table, pd.DataFrame, pl.DataFrame], ids=["pyarrow", "pandas", "polars"])
+@pytest.mark.parametrize(
+    "make", [pa.table, pd.DataFrame, pl.DataFrame], ids=["pyarrow", "pandas", "polars"]
+)
 def test_every_frame_gives_the_same_counts(make):
     frame = make({"race": ["a", "b", None, "b"], "served": [True, False, True, None]})
     source = open_source(frame)
