@@ -173,6 +173,7 @@ def parse(command: type, program: str, words: Sequence[str]) -> Any:
             return None
     # tyro says it in a box of many lines, so the words are read once more for one sentence
     complaint = next(_complaints(command, words), f"cannot understand {shlex.join(words)!r}")
+    complaint = re.sub(r"://[^\s'\"]+", "://...", complaint)  # the URL may hold a password
     raise InputError(f"{complaint} (see `{program} --help`)")
 
 

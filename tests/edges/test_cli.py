@@ -216,8 +216,8 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "compare", "demos", "alarms", "calibrate", "detect",
-        "bench",
+        "reproduce", "train", "evaluate", "compare", "audit", "watch", "example", "demos",
+        "alarms", "calibrate", "detect", "bench",
     ]  # fmt: skip
 
 
@@ -238,8 +238,9 @@ def test_help_explains_every_option(cli, words):
     text = " ".join(shown.out.replace("│", " ").split())
     for field in fields(command_of(LEAVES[words])):
         option = f"--{field.name.replace('_', '-')}"
-        if field.name in ("run_folder", "services") and "Positional" in str(field.type):
-            option = {"run_folder": "RUN", "services": "FILE"}[field.name]
+        if "Positional" in str(field.type):
+            log = "FILE" if words == ("example",) else "LOG"
+            option = {"run_folder": "RUN", "services": "FILE", "log": log}[field.name]
         # its line, then what it is: a sentence, and the default or that it must be given
         assert re.search(rf"{re.escape(option)} .{{0,60}}?[A-Z].{{12,}}?\.", text), option
     assert max(map(len, shown.out.split("╭")[1].splitlines()[1:])) <= 80

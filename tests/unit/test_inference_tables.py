@@ -134,6 +134,26 @@ def test_ten_million_services_follow_the_normal_law():
     )
 
 
+@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
+def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monkeypatch):
+    def test(seed):
+        return tables.table_test(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
+
+    monkeypatch.setattr(tables, "CHEAPER", cheaper)
+    whole = test(8)
+    monkeypatch.setattr(tables, "CELLS", 2000)
+    found = {}
+    for threads in (1, 2, 3):
+        monkeypatch.setattr(tables, "THREADS", threads)
+        found[threads] = test(8)
+    for threads in (2, 3):
+        np.testing.assert_array_equal(found[threads].p, found[1].p)
+        np.testing.assert_array_equal(found[threads].even_gap, found[1].even_gap)
+    # many chunks now, and as much chance as one has: none repeats another
+    assert (found[1].p != whole.p).any()
+    assert near(found[1].p, whole.p, PERMUTATIONS / 2).all()
+
+
 def test_kinds_of_people_once_and_rows_without_services():
     kinds, who = np.array([[1, 0], [0, 1]], bool), np.array([0, 1, 1, 0, 1])
     x, n = np.array([[1], [0], [1], [0], [1.0]]), np.array([8, 9, 3, 4, 0])

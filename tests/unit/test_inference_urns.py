@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.inference.urns import hypergeometric
+from evenhand.inference.urns import deal
 
 DRAWS = 40_000
 
 
-def drawn(good, bad, taken, seed=0):
-    a, b, n = (np.full((4, DRAWS // 4), balls) for balls in (good, bad, taken))
-    return hypergeometric(a, b, n, np.random.default_rng(seed))
+def drawn(good, bad, taken, seed=0, draws=DRAWS):
+    """How many of the balls taken are good: a cell of tables of two rows and two columns."""
+    sums = np.array([good, bad]), np.array([taken, good + bad - taken])
+    return deal(*sums, draws, np.random.default_rng(seed))[0, 0]
 
 
 @pytest.mark.parametrize(
@@ -33,12 +34,12 @@ def drawn(good, bad, taken, seed=0):
 )
 def test_numbers_come_as_often_as_scipy_says(good, bad, taken):
     values = drawn(good, bad, taken)
-    assert values.shape == (4, DRAWS // 4)
+    assert values.shape == (DRAWS,)
     law = stats.hypergeom(good + bad, good, taken)
     # Cells between quantiles, whose probabilities SciPy gives too.
     edges = np.unique(law.ppf(np.linspace(0.02, 0.98, 40)))
     p = np.diff(np.concatenate([[0.0], law.cdf(edges), [1.0]]))
-    seen = np.bincount(np.searchsorted(edges, values.ravel()), minlength=len(p))
+    seen = np.bincount(np.searchsorted(edges, values), minlength=len(p))
     kept = p * DRAWS > 1e-6
     assert seen[~kept].sum() == 0
     assert stats.chisquare(seen[kept], p[kept] * DRAWS / p[kept].sum()).pvalue > 1e-3
@@ -53,10 +54,12 @@ def test_the_variance_of_a_large_urn():
     assert values.var() == pytest.approx(variance, rel=5 * (2 / DRAWS) ** 0.5)
 
 
-def test_where_nothing_is_open():
-    good, bad, taken = np.array([[0, 5, 4, 7, 0], [5, 0, 3, 2, 0], [3, 3, 7, 0, 0]])
-    found = hypergeometric(good, bad, taken, np.random.default_rng(0))
-    np.testing.assert_array_equal(found, [0, 3, 4, 0, 0])
+@pytest.mark.parametrize(
+    ("good", "bad", "taken", "found"),
+    [(0, 5, 3, 0), (5, 0, 3, 3), (4, 3, 7, 4), (7, 2, 0, 0), (0, 0, 0, 0)],
+)
+def test_where_nothing_is_open(good, bad, taken, found):
+    np.testing.assert_array_equal(drawn(good, bad, taken, draws=5), found)
 
 
 def test_the_same_seed_gives_the_same_numbers():

@@ -1,4 +1,4 @@
-"""Is every cell what its column is named as? One pass over the log, before anything is counted."""
+"""Is every cell what its column is named as? Told by the same pass that counts the services."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import ibis
+import numpy as np
+import pyarrow as pa
 
 from evenhand.audits.expressions import Facts, Reading, facts
 from evenhand.audits.mapping import DISTANCES, TIMES, Mapping
@@ -43,40 +45,31 @@ class Spread:
 
 @dataclass(frozen=True)
 class Checked:
-    """What one pass over the log tells.
+    """What a first look at the log tells.
 
     Attributes:
         services: how many.
         spreads: of the measures, by column.
-        warnings: what is hardly meant, one sentence each.
     """
 
     services: int
     spreads: dict[str, Spread]
-    warnings: tuple[str, ...]
 
 
-def check(source: Source, mapping: Mapping, read: Facts) -> Checked:
-    """Look at every mapped cell once.
+def look(source: Source, mapping: Mapping, read: Facts) -> Checked:
+    """Look whether a log can be counted at all, before it is.
 
     Raises:
-        InputError: for the first cell that is no fact, with its row and value; for an identity
-            with too many groups; for an empty log.
+        InputError: for an identity with too many groups, or that is no plain value; for an empty
+            log.
     """
     table = source.table
     asked: dict[str, Any] = {"n": table.count()}
-    readings = list(read.readings.items())
-    for i, (role, reading) in enumerate(readings):
-        asked[f"wrong{i}"] = table.count(where=reading.wrong)
-        if role in TIMES or role in DISTANCES:
-            small, great = _implausible(role, mapping)
-            asked[f"known{i}"] = table.count(where=reading.value.notnull())
-            asked[f"great{i}"] = table.count(where=reading.value > great)
-            asked[f"small{i}"] = table.count(where=reading.value < small)
-        if reading.role == "measures":
-            asked[f"distinct{i}"] = reading.value.approx_nunique()
-            asked[f"low{i}"] = reading.value.approx_quantile(0.25)
-            asked[f"high{i}"] = reading.value.approx_quantile(0.75)
+    measures = [one for one in read.readings.values() if one.role == "measures"]
+    for i, reading in enumerate(measures):
+        asked[f"distinct{i}"] = reading.value.approx_nunique()
+        asked[f"low{i}"] = reading.value.approx_quantile(0.25)
+        asked[f"high{i}"] = reading.value.approx_quantile(0.75)
     plain = [name for name in mapping.identities if name not in mapping.bins]
     for i, name in enumerate(plain):
         _check_type(table.schema()[name], name)
@@ -84,24 +77,82 @@ def check(source: Source, mapping: Mapping, read: Facts) -> Checked:
     told = source.fetch(table.aggregate(**asked)).to_pylist()[0]
     if not told["n"]:
         raise InputError(f"{source.name} has no services: there is nothing to audit")
-    for i, (_, reading) in enumerate(readings):
-        if told[f"wrong{i}"]:
-            raise _wrong(source, mapping, reading, told[f"wrong{i}"])
     for i, name in enumerate(plain):
         if told[f"groups{i}"] > _DOUBTLESS * MOST_GROUPS:
+            refuse_wrong(source, mapping, read)
             raise too_many(source, name)
-    warnings, spreads = [], {}
-    for i, (role, reading) in enumerate(readings):
-        if role in TIMES or role in DISTANCES:
-            half = told[f"known{i}"] / 2
-            for word, size in (("great", "more"), ("small", "less")):
-                if told[f"{word}{i}"] > half:
-                    warnings.append(_doubt(role, reading, mapping, size))
-        if reading.role == "measures":
-            spreads[reading.columns[0]] = Spread(
+    return Checked(
+        told["n"],
+        {
+            reading.columns[0]: Spread(
                 told[f"distinct{i}"], _known(told[f"low{i}"]), _known(told[f"high{i}"])
             )
-    return Checked(told["n"], spreads, tuple(warnings))
+            for i, reading in enumerate(measures)
+        },
+    )
+
+
+def doubts(read: Facts, mapping: Mapping) -> dict[str, Any]:
+    """What services are counted by so that the cells are checked in the same pass.
+
+    Returns:
+        ``wrong``, whether any fact of a service is none; and for each time and distance, under
+        its role, 1 where it is hardly meant so great, -1 where so small, else 0.
+    """
+    wrong: Any = ibis.literal(False)
+    found: dict[str, Any] = {}
+    for role, reading in read.readings.items():
+        wrong = wrong | reading.wrong
+        if role in TIMES or role in DISTANCES:
+            small, great = _implausible(role, mapping)
+            value = reading.value
+            # null where the value is
+            found[role] = ibis.cases((value > great, 1), (value < small, -1), (value.notnull(), 0))
+    return {"wrong": wrong, **found}
+
+
+def check(source: Source, mapping: Mapping, read: Facts, counted: pa.Table) -> tuple[str, ...]:
+    """Judge the cells by services that were counted by ``doubts``.
+
+    Returns:
+        What is hardly meant, one sentence each.
+
+    Raises:
+        InputError: for the first cell that is no fact, with its row and value.
+    """
+    if counted["wrong"].to_numpy().any():
+        refuse_wrong(source, mapping, read)
+        raise changed(source)
+    n, warnings = counted["n"].to_numpy(), []
+    for role, reading in read.readings.items():
+        if role in TIMES or role in DISTANCES:
+            side = counted[role].to_numpy()
+            half = n[~np.isnan(side)].sum() / 2
+            for which, size in ((1, "more"), (-1, "less")):
+                if n[side == which].sum() > half:
+                    warnings.append(_doubt(role, reading, mapping, size))
+    return tuple(warnings)
+
+
+def refuse_wrong(source: Source, mapping: Mapping, read: Facts) -> None:
+    """Look for cells that are no facts.
+
+    Raises:
+        InputError: for the first one, with its row and value.
+    """
+    readings = list(read.readings.values())
+    asked: dict[str, Any] = {
+        f"wrong{i}": source.table.count(where=one.wrong) for i, one in enumerate(readings)
+    }
+    told = source.fetch(source.table.aggregate(**asked)).to_pylist()[0]
+    for i, reading in enumerate(readings):
+        if told[f"wrong{i}"]:
+            raise _wrong(source, mapping, reading, told[f"wrong{i}"])
+
+
+def changed(source: Source) -> InputError:
+    """What is said of a log that two passes saw differently."""
+    return InputError(f"{source.name} changed while it was read: audit a copy")
 
 
 def too_many(source: Source, name: str) -> InputError:

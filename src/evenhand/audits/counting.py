@@ -1,4 +1,4 @@
-"""An Ibis table and a mapping become a Tally: three grouped counts, the same on every engine.
+"""An Ibis table and a mapping become a Tally: grouped counts, the same on every engine.
 
 The engine counts services that agree in raw identities, stratum and issues; identities are made
 text only afterwards, on the few rows that are left. So trimming and spelling follow one rule
@@ -15,8 +15,7 @@ import numpy as np
 import pyarrow as pa
 from ibis.expr import types as ir
 
-from evenhand.audits import expressions
-from evenhand.audits.checking import MOST_GROUPS, Spread, check, too_many
+from evenhand.audits import checking, expressions
 from evenhand.audits.expressions import GRID, Facts, facts
 from evenhand.audits.groups import bin_names, ordered, text_of
 from evenhand.audits.mapping import Mapping
@@ -68,9 +67,16 @@ def tally(source: Source, mapping: Mapping, alone: bool = False) -> tuple[Tally,
         if column not in source.table.columns:
             raise unknown(f"column of {source.name}", column, source.table.columns)
     read = facts(source.table, mapping)
-    checked = check(source, mapping, read)
+    checked = checking.look(source, mapping, read)
     keys = _keys(source.table, mapping, read)
-    counted = _count(source, {**keys.columns, **_flags(read, mapping)})
+    try:
+        counted = _count(
+            source, {**keys.columns, **_flags(read, mapping), **checking.doubts(read, mapping)}
+        )
+    except InputError:
+        checking.refuse_wrong(source, mapping, read)
+        raise
+    warnings = checking.check(source, mapping, read, counted)
     n = counted["n"].to_numpy()
     _check_total(source, checked.services, int(n.sum()))
 
@@ -101,7 +107,7 @@ def tally(source: Source, mapping: Mapping, alone: bool = False) -> tuple[Tally,
     )
     source.check_unchanged()
     return result, (
-        *checked.warnings,
+        *warnings,
         *remarks(result, mapping, source.name, alone),
         *(
             f"measure {column!r} is counted in {FINE} steps between its quartiles"
@@ -170,8 +176,8 @@ def _identity(
         labels = bin_names(edges)
         texts = [UNKNOWN if value is None else labels[value] for value in raw]
         groups = tuple(one for one in (*labels, UNKNOWN) if one in set(texts))
-    if len(groups) > MOST_GROUPS:
-        raise too_many(source, name)
+    if len(groups) > checking.MOST_GROUPS:
+        raise checking.too_many(source, name)
     place = {group: i for i, group in enumerate(groups)}
     return Identity(name, groups), np.array([place[text] for text in texts], np.int64)[index]
 
@@ -201,9 +207,7 @@ class _Lookup:
             try:
                 place = [known.groups.index(group) for group in one.groups]
             except ValueError as error:
-                raise InputError(
-                    f"{self.source.name} changed while it was read: audit a copy"
-                ) from error
+                raise checking.changed(self.source) from error
             found.append(np.array(place, np.int64)[code] if place else code)
         return np.stack(found, axis=1)
 
@@ -280,13 +284,14 @@ def _waits(
     if found is None:
         return None
     identities = {name: keys.columns[name] for name in keys.identities}
-    counted = _count(source, {**identities, "step": found[0], "ended": found[1]})
-    counted = counted.filter(counted["step"].is_valid())
+    # one small number instead of two columns: groups are many here, and told apart faster
+    both = (found[0] * 2 + ibis.ifelse(found[1], 1, 0)).cast("int16")
+    counted = _count(source, {**identities, "both": both})
+    counted = counted.filter(counted["both"].is_valid())
     if not counted.num_rows:
         return None
-    told = np.column_stack(
-        [lookup.codes(counted), counted["step"].to_numpy(), _truth(counted, "ended")]
-    )
+    step, ended = np.divmod(counted["both"].to_numpy(), 2)
+    told = np.column_stack([lookup.codes(counted), step, ended])
     rows, n = _merged(told.astype(float), counted["n"].to_numpy())
     d = len(lookup.identities)
     return Waits(
@@ -306,7 +311,7 @@ def _values(
     lookup: _Lookup,
     strata: tuple[str, ...],
     column: str,
-    spread: Spread,
+    spread: checking.Spread,
     services: int,
 ) -> Values:
     """A measure as counts: value by value, or in fine steps where there are too many values."""
@@ -338,5 +343,5 @@ def _values(
     )
 
 
-def _in_steps(spread: Spread, services: int) -> bool:
+def _in_steps(spread: checking.Spread, services: int) -> bool:
     return services > EXACT and spread.distinct > 10 * FINE and spread.high > spread.low

@@ -7,12 +7,15 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import ibis
+import pyarrow as pa
 from ibis.expr import types as ir
 
 from evenhand.audits.readers import one_line
 from evenhand.errors import InputError, unknown
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+EXTRAS = {"postgres": "postgres", "postgresql": "postgres", "pyspark": "spark"}
+"""Schemes of URLs, and the extra of Evenhand that brings their engine."""
 
 
 def is_url(text: str) -> bool:
@@ -28,7 +31,9 @@ def shown(url: str) -> str:
         place = parts.netloc.rpartition("@")[2]
     except ValueError:
         return url.partition("://")[0] + "://..."
-    return f"{parts.scheme}://{user}{place}{parts.path}"
+    # with a slash too many, user and password are taken for a path
+    before, mark, path = parts.path.rpartition("@")
+    return f"{parts.scheme}://{user}{place}{before and '...'}{mark}{path}"
 
 
 def hide(text: str, url: str) -> str:
@@ -40,6 +45,7 @@ def hide(text: str, url: str) -> str:
         return "the URL cannot be read"
     secrets = {url, password, unquote(password), parts.query, unquote(parts.query)}
     secrets |= {value.partition("=")[2] for value in parts.query.split("&")}
+    secrets.add(parts.path.rpartition("@")[0].strip("/"))
     found = [secret for secret in secrets if secret and secret in text]
     return "the engine's message names the password and is not shown" if found else text
 
@@ -59,16 +65,21 @@ def open_table(url: str, table: str | None) -> tuple[ir.Table, str, dict[str, An
             in the sentence.
     """
     name = shown(url)
+    con: Any = None
     try:
-        con: Any = ibis.connect(url)
+        con = ibis.connect(url)
         tables = [] if table and "." in table else tables_of(con)
     except ImportError as error:
+        scheme = name.partition("://")[0]
+        wanted = f"ibis-framework[{scheme}]"
+        if scheme in EXTRAS:
+            wanted = f"evenhand[{EXTRAS[scheme]}]"
         raise InputError(
-            f"{name} needs the package {error.name or 'of its engine'}: install ibis-framework "
-            f"with the extra {name.partition('://')[0]!r}"
+            f"{name} needs the package {error.name or 'of its engine'}: pip install {wanted!r}"
         ) from None
     # what an engine raises is its own: the address is the input here
     except Exception as error:
+        leave(con)
         raise InputError(
             f"{name} cannot be reached ({hide(one_line(error), url)}): check the address, the "
             "password and that the database runs"
@@ -81,8 +92,10 @@ def open_table(url: str, table: str | None) -> tuple[ir.Table, str, dict[str, An
             table = choose(name, tables, table)
             log = con.table(table)
     except InputError:
+        leave(con)
         raise
     except Exception as error:
+        leave(con)
         raise InputError(
             f"{name} has no table {table!r} to read: {hide(one_line(error), url)}"
         ) from None
@@ -116,3 +129,27 @@ def choose(place: str, tables: list[str], table: str | None) -> str:
     if table not in tables:
         raise unknown(f"table of {place}", table, sorted(tables)[:50])
     return table
+
+
+def run(expression: ir.Table) -> pa.Table:
+    """An expression's rows, from the engine that it belongs to."""
+    try:
+        con: Any = expression.get_backend()
+    except ibis.common.exceptions.IbisError:  # it lies in memory only
+        return expression.to_pyarrow()
+    if con.name != "pyspark":
+        return expression.to_pyarrow()
+    # Ibis goes by way of pandas, which knows neither missing whole numbers nor old moments
+    rows = con.raw_sql(con.compile(expression)).toArrow()
+    return rows.cast(expression.schema().to_pyarrow())
+
+
+def leave(con: Any) -> None:
+    """Close a connection; a Spark session may be in use elsewhere and stays."""
+    if con is not None and con.name != "pyspark":
+        con.disconnect()
+
+
+def complains(error: Exception) -> bool:
+    """Whether an engine other than the embedded one says that it cannot read a log."""
+    return type(error).__module__.partition(".")[0] in ("psycopg", "py4j", "pyspark")

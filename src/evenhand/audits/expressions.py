@@ -16,12 +16,19 @@ from ibis.expr import types as ir
 from evenhand.audits.mapping import STEP, Mapping
 from evenhand.errors import InputError
 
-YES = ("1", "1.0", "yes", "y", "true", "t", "on", "ja", "j", "oui", "o", "si", "sí", "s", "wahr")
+YES = (
+    *("1", "1.0", "yes", "y", "true", "t", "on", "ja", "j", "oui", "o", "si", "sí", "s", "wahr"),
+    # what some databases make of SÍ: they know small letters of ASCII only
+    "sÍ",
+)
 NO = ("0", "0.0", "no", "n", "false", "f", "off", "nein", "non", "falsch")
 """Spellings of an answer, in small letters."""
 
 BLANK = ("", "na", "n/a", "null")
 """What stands in cells of facts where nothing is known, in small letters."""
+
+GREATEST = 1.7976931348623157e308
+"""The greatest finite number: what lies beyond is infinite, or NaN, on every engine."""
 
 GRID = 200
 """Whole steps of waiting up to the time after which a response is late."""
@@ -30,8 +37,14 @@ CAP = 2 * GRID
 """Steps up to which waiting is told apart; whoever waits longer was waiting still at that step."""
 
 _NUMBER = r"^[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+# Only days that the calendar has: some engines end a whole query at the 30th of February.
+_LEAP = r"([0-9]{2}(0[48]|[2468][048]|[13579][26])|([02468][048]|[13579][26])00)"
+_DAY = (
+    r"([0-9]{4}-(0[13578]|1[02])-(0[1-9]|[12][0-9]|3[01])|[0-9]{4}-(0[469]|11)-(0[1-9]|[12][0-9]|30)"
+    rf"|[0-9]{{4}}-02-(0[1-9]|1[0-9]|2[0-8])|{_LEAP}-02-29)"
+)
 _MOMENT = (
-    r"^[0-9]{4}-[0-9]{2}-[0-9]{2}[T ]([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]"
+    rf"^{_DAY}[T ]([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]"
     r"(\.[0-9]{1,9})?(Z|[+-]([01][0-9]|2[0-3]):?[0-5][0-9])?$"
 )
 
@@ -67,7 +80,8 @@ def answer(table: ir.Table, column: str) -> Reading:
     if kind.is_numeric():
         number = cell.cast("float64")
         value = ibis.cases((number == 1.0, True), (number == 0.0, False))
-        known = cell.notnull()
+        # Spark is told by Ibis that NaN is null
+        known = cell.notnull() | _beyond(number)
     elif kind.is_string():
         text = cell.strip().lower()
         value = ibis.cases((text.isin(YES), True), (text.isin(NO), False))
@@ -90,10 +104,10 @@ def number(table: ir.Table, column: str, role: str, signed: bool = False) -> Rea
     if kind.is_string():
         text = cell.strip()
         value = ibis.ifelse(text.re_search(_NUMBER), text.try_cast("float64"), ibis.null("float64"))
-        wrong = cell.notnull() & ~text.lower().isin(BLANK) & (value.isnull() | value.isinf())
+        wrong = cell.notnull() & ~text.lower().isin(BLANK) & (value.isnull() | _beyond(value))
     elif kind.is_numeric():
         value = cell.cast("float64")
-        wrong = value.isnan() | value.isinf() if kind.is_floating() else ibis.literal(False)
+        wrong = _beyond(value) if kind.is_floating() else ibis.literal(False)
     else:
         raise _other(column, kind, "numbers")
     if not signed:
@@ -127,7 +141,8 @@ def _moment(table: ir.Table, column: str) -> tuple[Any, Any, Any]:
     if not kind.is_string():
         raise _other(column, kind, "timestamps, as 2026-03-14 15:09:26")
     text = cell.strip()
-    plain = text.re_search(_MOMENT)
+    # no calendar agrees on the year before the first
+    plain = text.re_search(_MOMENT) & ~text.startswith("0000")
     blank = ibis.null("string")
     base: Any = ibis.ifelse(plain, text.substr(0, 10) + " " + text.substr(11, 8), blank)
     moment = base.try_cast("timestamp")
@@ -238,6 +253,11 @@ def _step(value: Any, unit: Fraction, mapping: Mapping) -> tuple[Any, Any]:
         value > limit, ibis.greatest(scaled, GRID + 1), ibis.least(ibis.greatest(scaled, 0), GRID)
     )
     return ibis.ifelse(value.isnull(), ibis.null("int64"), step), value <= most
+
+
+def _beyond(value: Any) -> Any:
+    """Infinite or NaN, which engines take for the greatest number of all."""
+    return (value > GREATEST) | (value < -GREATEST)
 
 
 def _other(column: str, kind: object, wanted: str) -> InputError:

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import ibis
+from ibis.expr import types as ir
 
 from evenhand.audits.counting import tally
 from evenhand.audits.mapping import Mapping
 from evenhand.audits.sources import Source, open_source
 from evenhand.audits.tally import Tally
+from evenhand.audits.textfiles import LONGEST
 from evenhand.errors import InputError, unknown
 
 TEXT = (".csv", ".tsv", ".jsonl", ".ndjson")
 """Files that can be followed while they grow."""
+FIRST = 10_000
+"""Services by which the columns of a text file are known."""
 MOST = 3_000
 """Batches that are counted together: enough to catch up fast, few enough to answer soon."""
 _BATCH = "evenhand batch"
@@ -63,6 +68,11 @@ class TextTail:
             raise InputError(f"{self.path} cannot be read: {error.strerror or error}") from error
         self.read += len(new)
         found, self.rest = records(self.rest + new, quoted=self._quoted)
+        if len(self.rest) > LONGEST:
+            raise InputError(
+                f"{self.path}, behind byte {self.read - len(self.rest)}: a record is longer than "
+                f"{LONGEST} bytes: was a quote never closed?"
+            )
         if self._quoted and not self.head and found:
             self.head, *found = found
         self.waiting += tuple(one for one in found if one.strip())
@@ -105,6 +115,7 @@ class Follower:
         seen: services handed out.
         tail: of a text file; None for a table.
         order: column by which a table is in order of time; None for a file that does not grow.
+        last: value of that column in the last service handed out.
     """
 
     source: Source
@@ -113,6 +124,7 @@ class Follower:
     seen: int = 0
     tail: TextTail | None = None
     order: str | None = None
+    last: Any = None
 
     def next(self) -> Tally | None:
         """Counts of the next batches, each a stratum named by its number; None if none is full.
@@ -132,26 +144,47 @@ class Follower:
         if not full:
             return None
         rows = ordered.limit(full, offset=self.seen)
+        if self.order is not None:
+            self._check_order(rows, self.order, full)
         return self._counted(replace(self.source, table=rows, parts=(), rows=full), full)
+
+    def _check_order(self, rows: ir.Table, order: str, n: int) -> None:
+        """Rows alike in their order, or late ones, would be counted twice or never."""
+        place = rows[order]
+        asked = rows.aggregate(n=place.nunique(), low=place.min(), high=place.max())
+        told = self.source.fetch(asked).to_pylist()[0]
+        if told["n"] < n:
+            raise InputError(
+                f"{self.source.name}: column {order!r} is missing or the same in several rows: "
+                "order by one that tells all rows apart"
+            )
+        if self.last is not None and not told["low"] > self.last:
+            raise InputError(
+                f"{self.source.name}: a row came late, before {order!r} {self.last}, which was "
+                "watched already: order by a column that only grows, and begin anew"
+            )
+        self.last = told["high"]
 
     def _from_text(self, tail: TextTail) -> Tally | None:
         tail.grow()
         full = min(len(tail.waiting) // self.batch, MOST) * self.batch
         if not full:
             return None
-        with tempfile.TemporaryDirectory(prefix="evenhand-") as folder:
-            part = Path(folder) / f"new{tail.path.suffix}"
-            part.write_bytes(tail.take(full))
-            try:
+        try:
+            with _apart(tail.path, tail.take(full)) as part:
                 return self._counted(open_source(part), full)
-            except InputError as error:
-                said = str(error).replace(str(part), str(tail.path))
-                raise InputError(
-                    f"{said} (rows are counted from the {self.seen + 1:,}. service on)"
-                ) from None
+        except InputError as error:
+            raise InputError(
+                f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
+            ) from None
 
     def _counted(self, log: Source, services: int) -> Tally:
         numbered: Any = log.table
+        columns = [column for _, column in self.mapping.roles()]
+        if self.tail is not None and self.tail.path.suffix.lower() in TEXT[2:]:
+            # keys of JSON Lines that no service of these has
+            lacking = [column for column in columns if column not in numbered.columns]
+            numbered = numbered.mutate(**{name: ibis.null("string") for name in lacking})
         place = ibis.row_number().over(ibis.window(order_by=self.order)) // self.batch
         log = replace(log, table=numbered.mutate(**{_BATCH: place.cast("int64")}))
         counts, _ = tally(log, replace(self.mapping, within=(_BATCH,)), alone=True)
@@ -178,18 +211,50 @@ def follower(
     Raises:
         InputError: when the log cannot be read, or its order is not known.
     """
-    log = open_source(source, table)
-    mapping = chosen(log)
-    if mapping.within:
-        raise InputError("a watch compares within each batch already: leave out --within")
     path = Path(source)
-    if path.suffix.lower() in TEXT and path.is_file():
-        return Follower(log, mapping, batch, tail=TextTail(path))
-    if "://" in source or log.description.get("kind") == "DuckDB":
+    if path.suffix.lower() in TEXT and path.is_file() and table is None:
+        return _text(path, batch, chosen)
+    log = open_source(source, table)
+    try:
+        return _table(log, order, batch, chosen(log))
+    except InputError:
+        log.close()
+        raise
+
+
+def _text(path: Path, batch: int, chosen: Callable[[Source], Mapping]) -> Follower:
+    """What the columns stand for is told by whole records: the last may be half written."""
+    tail = TextTail(path)
+    tail.grow()
+    with _apart(path, replace(tail).take(FIRST)) as part:
+        log = replace(open_source(part), name=str(path))
+        return Follower(log, _plain(chosen(log)), batch, tail=tail)
+
+
+def _table(log: Source, order: str | None, batch: int, mapping: Mapping) -> Follower:
+    if "url" in log.description or log.description["kind"] == "DuckDB":
         if order is None:
             raise InputError(
                 f"{log.name} has no order of its own: name the column of time with --order-by"
             )
         if order not in log.table.columns:
             raise unknown(f"column of {log.name}", order, log.table.columns)
-    return Follower(log, mapping, batch, order=order)
+    return Follower(log, _plain(mapping), batch, order=order)
+
+
+def _plain(mapping: Mapping) -> Mapping:
+    if mapping.within:
+        raise InputError("a watch compares within each batch already: leave out --within")
+    return mapping
+
+
+@contextlib.contextmanager
+def _apart(path: Path, content: bytes) -> Iterator[Path]:
+    """Some records in a file of their own; complaints name the file that they are from."""
+    with tempfile.TemporaryDirectory(prefix="evenhand-") as folder:
+        part = Path(folder) / f"new{path.suffix}"
+        part.write_bytes(content)
+        try:
+            yield part
+        except InputError as error:
+            raise InputError(str(error).replace(str(part), str(path))) from None

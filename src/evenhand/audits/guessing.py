@@ -38,9 +38,14 @@ NAMES = {
 """Usual names of each role, the likeliest first; small letters, words parted by a space."""
 
 IDENTITY_NAMES = (
-    *("race", "ethnicity", "ethnic group", "gender", "sex", "age", "age group", "age band"),
-    *("disability", "disabled", "skin", "skin tone", "skin color", "skin colour", "skin type"),
-    *("nationality", "language", "religion", "group", "wheelchair", "mobility aid", "headscarf"),
+    *("race", "ethnicity", "ethnic group", "ancestry", "origin", "country of birth", "nationality"),
+    *("gender", "gender identity", "sex", "pronouns", "sexual orientation", "pregnant"),
+    *("age", "age group", "age band", "age range", "age class", "age category"),
+    *("disability", "disabled", "impairment", "mobility", "mobility aid", "wheelchair"),
+    *("wheelchair user", "hearing", "hearing aid", "sight", "vision"),
+    *("skin", "skin tone", "skin color", "skin colour", "skin type", "body size"),
+    *("language", "native language", "mother tongue", "accent", "dialect", "religion", "headscarf"),
+    *("education", "income group", "group", "user group", "guest group", "customer group"),
 )
 """Usual names of identities, written in the same way."""
 

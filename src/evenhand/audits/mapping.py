@@ -170,7 +170,7 @@ def limits(
     Raises:
         InputError: for numbers that are not finite, negative, or the wrong way round.
     """
-    if not np.isfinite(late):
+    if not np.isfinite(late) or late < 0:
         raise InputError(f"late is {late}: give the seconds after which a response is late")
     return Thresholds(nearest, farthest, float(_exact(late) / STEP), risk)
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from evenhand import detector_io
 from evenhand.audits.results import Resemblance
@@ -105,7 +105,7 @@ def clearly_above(share: float, other: float, n: int) -> bool:
     """
     pooled = (share + other) / 2
     spread = np.sqrt(2 * pooled * (1 - pooled) / n)
-    return bool(share - other > norm.isf(ALPHA) * spread)
+    return bool(share - other > -ndtri(ALPHA) * spread)
 
 
 def drawn_windows(

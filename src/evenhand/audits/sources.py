@@ -72,15 +72,20 @@ class Source:
             InputError: when the engine cannot read the log, without any password.
         """
         try:
-            return expression.to_pyarrow()
+            return databases.run(expression)
         except duckdb.Error as error:
             self.check_unchanged()
             raise InputError(f"{self.name} cannot be read: {one_line(error)}") from error
         except Exception as error:
-            if not self._secret:
+            if not self._secret and not databases.complains(error):
                 raise
             detail = databases.hide(one_line(error), self._secret)
             raise InputError(f"{self.name} cannot be read: {detail}") from None
+
+    def close(self) -> None:
+        """Leave a database that was opened by its URL; nothing can be fetched afterwards."""
+        if self._secret:
+            databases.leave(self.table.get_backend())
 
     def check_unchanged(self) -> None:
         """After counting: is the log still what was checked?

@@ -8,7 +8,7 @@ Strata are not looked at: waiting is compared in the whole log.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from evenhand.audits.results import WaitFinding
 from evenhand.audits.tally import Identity, Tally, Waits
@@ -108,7 +108,7 @@ def log_rank(
     difference = events.sum(axis=0) - expected
     z = difference / np.sqrt(np.where(variance > 0, variance, np.inf))
     both = (at_risk[0] > 0) & (all_at_risk[0] > at_risk[0])
-    return np.where(both, 2 * norm.sf(np.abs(z)), np.nan)
+    return np.where(both, 2 * ndtr(-np.abs(z)), np.nan)
 
 
 def _everybody(columns: np.ndarray, identities: tuple[Identity, ...]) -> np.ndarray:
@@ -143,7 +143,7 @@ def _at(
     greenwood, answered = terms[:done].sum(axis=0), events[:done].sum(axis=0)
     certain = (value == 0) | (value == 1)
     log_share = np.log(np.where(certain, 0.5, value))
-    width = np.exp(norm.isf((1 - level) / 2) * np.sqrt(greenwood) / np.abs(log_share))
+    width = np.exp(-ndtri((1 - level) / 2) * np.sqrt(greenwood) / np.abs(log_share))
     few = wilson(np.where(value == 1, now, 0), np.where(value == 1, now, answered), level)
     low = np.where(certain, few[0], np.exp(log_share * width))
     high = np.where(certain, few[1], np.exp(log_share / width))

@@ -123,26 +123,27 @@ def take(state: Watching, batches: Tally) -> Watching:
             f"the log told {', '.join(state.issues)} before and tells "
             f"{', '.join(batches.issues)} now: begin a new watch"
         )
-    state = _with_groups(state, batches.names())
-    columns = {name: g for g, name in enumerate(batches.names())}
-    chosen = [columns.get(name) for name in state.groups]
-    inside = batches.inside()
-    every = np.zeros((len(inside), len(state.groups)))
-    for g, column in enumerate(chosen):
-        if column is not None:
-            every[:, g] = inside[:, column]
+    names, inside = batches.names(), batches.inside()
     for place in np.argsort([int(name) for name in batches.strata]):
         rows = np.flatnonzero(batches.stratum == place)
         n = batches.n[rows]
         if n.sum() != state.settings.batch:
             raise InputError(f"a batch has {n.sum()} services in place of {state.settings.batch}")
-        x, who = np.repeat(batches.x[rows], n, axis=0), np.repeat(every[rows], n, axis=0)
+        # whoever is seen in this batch for the first time, in an order that no later batch changes
+        state = _with_groups(
+            state, sorted(names[g] for g in np.flatnonzero(inside[rows].any(axis=0)))
+        )
+        every = np.zeros((len(rows), len(state.groups)))
+        for g, name in enumerate(state.groups):
+            if name in names:
+                every[:, g] = inside[rows, names.index(name)]
+        x, who = np.repeat(batches.x[rows], n, axis=0), np.repeat(every, n, axis=0)
         state = _bet(state, count(x, who))
     return state
 
 
 def _with_groups(state: Watching, names: Sequence[tuple[str, str]]) -> Watching:
-    """New groups begin with wealth 1; they were outside of everything until now."""
+    """New groups begin with wealth 1; all services so far were outside of them."""
     new = [name for name in names if name not in state.groups and name not in state.left_out]
     room = state.settings.most_groups - len(state.groups)
     state = replace(state, left_out=(*state.left_out, *new[room:]))
@@ -151,8 +152,13 @@ def _with_groups(state: Watching, names: Sequence[tuple[str, str]]) -> Watching:
         return state
     shape = (len(new), len(state.issues))
     fresh = sequential.start(*shape)
-    nothing = np.zeros(shape)
     old, seen = state.wealth, state.counts
+    nothing = np.zeros(shape)
+    x, n = nothing, nothing
+    if state.groups:
+        x = np.tile(seen.inside_x[0] + seen.outside_x[0], (len(new), 1))
+        n = np.tile(seen.inside_n[0] + seen.outside_n[0], (len(new), 1))
+    later = Counts(inside_x=nothing, inside_n=nothing, outside_x=x, outside_n=n)
     return replace(
         state,
         groups=(*state.groups, *new),
@@ -164,7 +170,7 @@ def _with_groups(state: Watching, names: Sequence[tuple[str, str]]) -> Watching:
         ),
         counts=Counts(
             *(
-                np.concatenate([getattr(seen, name), nothing])
+                np.concatenate([getattr(seen, name), getattr(later, name)])
                 for name in Counts.__dataclass_fields__
             )
         ),

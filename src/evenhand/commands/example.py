@@ -24,7 +24,7 @@ class Example:
     For instance: evenhand example fleet.csv
     """
 
-    log: Positional[Annotated[Path, arg(metavar="FILE")]]
+    log: Positional[Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="")]] = None
     """Where it goes: .csv or .parquet."""
 
     services: int = 5000
@@ -35,6 +35,8 @@ class Example:
 
     def run(self, command: str) -> int:
         """Draw and write it, print its path."""
+        if self.log is None:
+            raise InputError("no file is given: name one, as evenhand example fleet.csv")
         import numpy as np
         import pyarrow as pa
         import pyarrow.csv

@@ -14,7 +14,8 @@ from evenhand.commands.audit import FOUND, Columns
 from evenhand.errors import InputError
 
 if TYPE_CHECKING:
-    from evenhand.audits.watching import Alarm, Watching
+    from evenhand.audits.follow import Follower
+    from evenhand.audits.watching import Alarm, Watching, WatchSettings
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Watch(Columns):
     """Take in what is there, and end."""
 
     fail_on: Literal["nothing", "alarm"] = "nothing"
-    """alarm: end with exit code 3 at the first alarm."""
+    """For pipelines: alarm ends with exit code 3 at the first alarm."""
 
     def run(self, command: str) -> int:
         """Look again and again; print each alarm as it is raised."""
@@ -69,8 +70,16 @@ class Watch(Columns):
             self.batch,
             lambda source: api.mapping_for(source, mapping, {}),
         )
+        try:
+            return self._follow(log, settings)
+        finally:
+            log.source.close()
+
+    def _follow(self, log: Follower, settings: WatchSettings) -> int:
+        from evenhand.audits import watching
+
         grows = not self.once and (log.tail is not None or log.order is not None)
-        state: watching.Watching | None = None
+        state: Watching | None = None
         while True:
             new = log.next()
             if new is not None:

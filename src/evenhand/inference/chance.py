@@ -16,8 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
-from scipy.special import gammaln
-from scipy.stats import norm
+from scipy.special import gammaln, ndtri
 
 from evenhand.errors import InputError, unknown
 from evenhand.issues import Counts, Scores, gaps, issue_score, signed_gaps
@@ -286,7 +285,7 @@ def wilson(x: np.ndarray, n: np.ndarray, level: float = 0.95) -> tuple[np.ndarra
         InputError: for a level outside (0, 1).
     """
     check_level("level", level)
-    z = float(norm.isf((1 - level) / 2))
+    z = float(-ndtri((1 - level) / 2))
     size = np.where(np.asarray(n) > 0, n, np.nan)
     share = x / size
     middle = share + z**2 / (2 * size)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
 from scipy.special import betaln, expit, logit
 
 from evenhand.errors import InputError
@@ -116,6 +115,8 @@ def fit_prior(cases: np.ndarray, n: np.ndarray) -> tuple[float, float]:
         a, b = mean * precision, (1 - mean) * precision
         return float(-(betaln(x + a, size - x + b) - betaln(a, b)).sum())
 
+    from scipy import optimize  # takes long to load
+
     centre = logit(np.clip(x.sum() / size.sum(), edge, 1 - edge))
     fits = [
         optimize.minimize(cost, [centre, np.log(guess)], method="L-BFGS-B", bounds=bounds)
@@ -149,6 +150,8 @@ def shrink(
     a, b = fit_prior(x, size) if prior is None else prior
     if not (np.isfinite(a) and np.isfinite(b) and a > 0 and b > 0):
         raise InputError(f"prior ({a}, {b}) is not positive and finite")
+    from scipy import stats  # takes long to load
+
     tail = (1 - level) / 2
     return ShrunkRates(
         rate=(x + a) / (size + a + b),

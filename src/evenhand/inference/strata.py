@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from evenhand.inference.chance import check_counts, check_level
 from evenhand.issues import Counts
@@ -68,7 +68,7 @@ def mantel_haenszel(parts: Sequence[Counts], level: float = 0.95) -> Within:
     known = weight > 0
     total = np.where(known, weight, 1.0)
     difference = risen / total
-    half = norm.ppf(0.5 + level / 2) * np.sqrt(np.maximum(difference * p + q, 0.0)) / total
+    half = ndtri(0.5 + level / 2) * np.sqrt(np.maximum(difference * p + q, 0.0)) / total
     limits = np.clip([difference - half, difference + half], -1.0, 1.0)
     even = np.sqrt(2 / np.pi * chance) / total
     found = (np.where(known, values, np.nan) for values in (difference, *limits, even))

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from evenhand import errors
 from evenhand.errors import InputError
@@ -149,7 +149,7 @@ def kaplan_meier(
     answered = np.concatenate([0 * first, events.cumsum(axis=0)])[place]
     now = _at_least(waited, columns, look)
 
-    z = norm.isf((1 - level) / 2)
+    z = -ndtri((1 - level) / 2)
     certain = (value == 0) | (value == 1)
     log_share = np.log(np.where(certain, 0.5, value))
     width = np.exp(z * np.sqrt(greenwood) / np.abs(log_share))
@@ -216,7 +216,7 @@ def log_rank(waited: np.ndarray, responded: np.ndarray, inside: np.ndarray) -> L
     z = (observed - expected) / np.sqrt(np.where(variance > 0, variance, np.inf))
     both = (here.sum(axis=0) > 0) & (there.sum(axis=0) > 0)
     z = np.where(both, z, np.nan)
-    return LogRank(observed, expected, z, 2 * norm.sf(np.abs(z)))
+    return LogRank(observed, expected, z, 2 * ndtr(-np.abs(z)))
 
 
 def log_rank_permutation(

@@ -10,6 +10,7 @@ permutation costs depends on the kinds of people and outcomes, not on how many s
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,9 @@ from evenhand.issues import Counts
 
 MOST_SERVICES = 999_999_999
 """Services of a stratum: as far as factorials of this size are exact to five digits."""
+
+THREADS = 2
+"""Threads that draw; what they draw does not depend on how many they are."""
 
 CHEAPER = 4  # A hypergeometric number takes as long as shuffling so many services.
 
@@ -99,7 +103,7 @@ class Stratum:
     def cells(self) -> int:
         """Numbers that a permutation holds in memory, about."""
         kinds, services = self.services.shape[1], int(self.services.sum())
-        drawing = 3 * services if services <= CHEAPER * self.services.size else 12 * kinds
+        drawing = 3 * services if services <= CHEAPER * self.services.size else 2 * kinds
         return drawing + self.services.size + 3 * self.groups
 
 
@@ -151,12 +155,22 @@ class Table:
         errors.whole("permutations", permutations, 99, 10_000_000)
         groups, twice = self.strata[0].groups, self.strata[0].outcome.shape[1]
         kept = 3 * groups * twice * len(self.strata)
-        size = max(1, 2 * CELLS // (kept + max(one.cells() for one in self.strata)))
+        size = max(1, CELLS // (kept + max(one.cells() for one in self.strata)))
+        sizes = [min(size, permutations - start) for start in range(0, permutations, size)]
+        # A generator for each chunk: what is drawn does not depend on who draws it first.
+        sources = rng.spawn(len(sizes)) if len(sizes) > 1 else [rng]
+
+        def draw(b: int, source: np.random.Generator) -> list[Counts]:
+            return [one.counts(random_tables(one.services, b, source), b) for one in self.strata]
 
         def chunks() -> Iterator[list[Counts]]:
-            for start in range(0, permutations, size):
-                b = min(size, permutations - start)
-                yield [one.counts(random_tables(one.services, b, rng), b) for one in self.strata]
+            if len(sizes) == 1:
+                yield draw(sizes[0], rng)
+                return
+            with ThreadPoolExecutor(THREADS) as pool:
+                for start in range(0, len(sizes), THREADS):
+                    some = slice(start, start + THREADS)
+                    yield from pool.map(draw, sizes[some], sources[some])
 
         return against_parts([one.observed() for one in self.strata], chunks(), totalled)
 
@@ -217,27 +231,12 @@ def _shuffled(table: np.ndarray, b: int, rng: np.random.Generator) -> Iterator[n
 
 def _dealt(table: np.ndarray, b: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
     # What is compiled is loaded here: small logs do without.
-    from evenhand.inference.urns import hypergeometric
+    from evenhand.inference.urns import deal
 
-    rows, columns = table.shape
     amounts = table.sum(axis=1)
-    width = 1 << (columns - 1).bit_length()
-    left = np.zeros((width, b), np.int64)
-    left[:columns] = table.sum(axis=0)[:, None]
-    drawn = np.empty((rows, columns, b), np.int32)  # MOST_SERVICES fit
     ranked = np.argsort(amounts, kind="stable")
-    for row in ranked[:-1]:
-        sizes = [left]
-        while len(sizes[-1]) > 1:
-            sizes.append(sizes[-1][0::2] + sizes[-1][1::2])
-        dealt = np.full((1, b), amounts[row])
-        for size in sizes[-2::-1]:
-            first = hypergeometric(size[0::2], size[1::2], dealt, rng)
-            dealt = np.stack([first, dealt - first], axis=1).reshape(-1, b)
-        drawn[row] = dealt[:columns]
-        left = left - dealt
-    drawn[ranked[-1]] = left[:columns]
-    return iter(drawn)
+    drawn = deal(table.sum(axis=0), amounts[ranked], b, rng)
+    return (drawn[row] for row in np.argsort(ranked))
 
 
 def _distinct(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

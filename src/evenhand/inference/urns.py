@@ -1,7 +1,8 @@
-"""Hypergeometric numbers by the million: how many of those taken from an urn are good.
+"""Random tables with given margins by the thousand, from hypergeometric numbers by the million.
 
-The same law and method as NumPy's ``Generator.hypergeometric``, in half the time: factorials of
-common sizes are looked up, and urns in which nothing is open cost next to nothing.
+How many of the balls taken from an urn are good: the same law and method as NumPy's
+``Generator.hypergeometric``, in half the time: factorials of common sizes are looked up, and urns
+in which nothing is open cost next to nothing.
 """
 
 from __future__ import annotations
@@ -22,26 +23,36 @@ F = TypeVar("F", bound=Callable[..., Any])
 LOG_FACTORIALS = gammaln(np.arange(1 << 17) + 1.0)
 
 
-def hypergeometric(
-    good: np.ndarray, bad: np.ndarray, taken: np.ndarray, rng: np.random.Generator
+def deal(
+    columns: np.ndarray, amounts: np.ndarray, permutations: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Of balls taken without putting any back, how many are good.
+    """Tables with the margins that are given, each as likely as shuffling would make it.
+
+    Each row is dealt to halves of the columns, to quarters, and so on, until one is left; the last
+    row is what remains. Other threads may run meanwhile.
 
     Args:
-        good: balls in each urn, int64 of any shape, at least 0.
-        bad: the others, of the same shape.
-        taken: at most good + bad.
-        rng: source of randomness.
+        columns: sums of the I columns, whole numbers, together as many as ``amounts``, below 2^31.
+        amounts: sums of the J rows; quickest with the smallest first.
+        permutations: how many tables, b.
+        rng: source of randomness, of this call alone while it runs.
+
+    Returns:
+        int32 [J, I, b].
     """
-    g, b, n = (np.ascontiguousarray(a, np.int64).ravel() for a in (good, bad, taken))
-    return _all(g, b, n, LOG_FACTORIALS, rng).reshape(good.shape)
+    drawn = np.empty((len(amounts), len(columns), permutations), np.int32)
+    columns, amounts = (np.ascontiguousarray(a, np.int64) for a in (columns, amounts))
+    _deal(columns, amounts, LOG_FACTORIALS, rng, drawn)
+    return drawn
 
 
 def _compiled(function: F) -> F:
+    # nogil: several threads draw at once; numpy: divisors are never 0 here, nobody need ask
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
     try:
-        return cast(F, numba.njit(function, cache=True))
+        return cast(F, numba.njit(function, cache=True, **options))
     except RuntimeError:  # no folder to keep what was compiled
-        return cast(F, numba.njit(function))
+        return cast(F, numba.njit(function, **options))
 
 
 @_compiled
@@ -101,29 +112,50 @@ def _by_ratio(good: int, bad: int, taken: int, known: np.ndarray, rng: np.random
 
 
 @_compiled
-def _all(
-    good: np.ndarray,
-    bad: np.ndarray,
-    taken: np.ndarray,
+def _good(g: int, b: int, n: int, known: np.ndarray, rng: np.random.Generator) -> int:
+    """Of n balls taken from an urn without putting any back, how many are of the g good ones."""
+    # The same law with fewer balls: of those left behind, and of the rarer kind.
+    behind = 2 * n > g + b
+    m = g + b - n if behind else n
+    few, many = min(g, b), max(g, b)
+    if few == 0 or m == 0:
+        k = 0
+    elif m <= FEW:
+        k = _one_by_one(few, many, m, rng)
+    elif few <= FEW:
+        k = _one_by_one(m, g + b - m, few, rng)
+    else:
+        k = _by_ratio(few, many, m, known, rng)
+    if g > b:
+        k = m - k
+    return g - k if behind else k
+
+
+@_compiled
+def _deal(
+    columns: np.ndarray,
+    amounts: np.ndarray,
     known: np.ndarray,
     rng: np.random.Generator,
-) -> np.ndarray:
-    found = np.empty(len(good), np.int64)
-    for i in range(len(good)):
-        g, b, n = good[i], bad[i], taken[i]
-        # The same law with fewer balls: of those left behind, and of the rarer kind.
-        behind = 2 * n > g + b
-        m = g + b - n if behind else n
-        few, many = min(g, b), max(g, b)
-        if few == 0:
-            k = 0
-        elif m <= FEW:
-            k = _one_by_one(few, many, m, rng)
-        elif few <= FEW:
-            k = _one_by_one(m, g + b - m, few, rng)
-        else:
-            k = _by_ratio(few, many, m, known, rng)
-        if g > b:
-            k = m - k
-        found[i] = g - k if behind else k
-    return found
+    drawn: np.ndarray,
+) -> None:
+    # A tree: the children of node i are 2i and 2i + 1, the columns are its I leaves from I on.
+    leaves, last = len(columns), len(amounts) - 1
+    full = np.empty(2 * leaves, np.int64)
+    full[leaves:] = columns
+    for node in range(leaves - 1, 0, -1):
+        full[node] = full[2 * node] + full[2 * node + 1]
+    dealt = np.empty_like(full)
+    for p in range(drawn.shape[2]):
+        left = full.copy()
+        for row in range(last):
+            dealt[1] = amounts[row]
+            for node in range(1, leaves):
+                first = _good(left[2 * node], left[2 * node + 1], dealt[node], known, rng)
+                dealt[2 * node], dealt[2 * node + 1] = first, dealt[node] - first
+            for node in range(1, 2 * leaves):
+                left[node] -= dealt[node]
+            for column in range(leaves):
+                drawn[row, column, p] = dealt[leaves + column]
+        for column in range(leaves):
+            drawn[last, column, p] = left[leaves + column]

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from evenhand import errors
 from evenhand.errors import InputError
@@ -233,8 +233,8 @@ def needed_side(counts: Counts, settings: VerdictSettings | None = None) -> np.n
     chosen = settings or VerdictSettings()
     both = counts.inside_n + counts.outside_n
     comparisons = both.shape[-1] * both.shape[-2]
-    z_a = norm.isf(chosen.alpha / comparisons / 2)
-    z_b = norm.isf(1 - chosen.power)
+    z_a = -ndtri(chosen.alpha / comparisons / 2)
+    z_b = -ndtri(1 - chosen.power)
     smaller = np.minimum(counts.inside_n, counts.outside_n)
     larger = np.maximum(counts.inside_n, counts.outside_n)
     share = np.where(larger > 0, smaller / np.where(larger > 0, larger, 1), 1.0)

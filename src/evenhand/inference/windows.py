@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
-from scipy.stats import hypergeom
 
 from evenhand.errors import InputError
 from evenhand.inference.chance import check_counts, check_level
@@ -165,6 +164,9 @@ def fisher(counts: Counts) -> np.ndarray:
     Raises:
         InputError: for impossible or broken counts.
     """
+    # scipy.stats takes long to load; only this needs it
+    from scipy.stats import hypergeom
+
     check_counts(counts, whole=True)
     both, cases = counts.inside_n + counts.outside_n, counts.inside_x + counts.outside_x
     below = hypergeom.cdf(counts.inside_x, both, cases, counts.inside_n)

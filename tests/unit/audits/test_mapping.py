@@ -37,6 +37,14 @@ def test_identities_are_found_and_nothing_else_is_taken_for_one():
     assert found.responded == "answered"
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["mobility", "Language", "mobility_aid", "ageGroup", "native-language", "Wheelchair user"],
+)
+def test_further_identities_are_found_by_their_usual_names(name):
+    assert guess(columns("place", name, "responded")).identities == (name,)
+
+
 def test_units_are_read_off_the_names():
     found = guess(columns("race", "response_time_ms", "distance_cm", "min_distance_cm"))
     assert (found.time_unit, found.distance_unit) == ("ms", "cm")

@@ -109,6 +109,18 @@ def test_a_group_that_turns_up_later_begins_then():
     assert not np.array_equal(later.wealth.log_wealth[:2], before)
 
 
+def test_a_late_group_is_held_against_all_services_so_far():
+    """Batches of 4: aaaa, of whom two have the issue; then aabb, of whom both b have it."""
+    codes = np.array([0, 0, 0, 0, 0, 0, 1, 1])
+    x = np.zeros((8, 2))
+    x[[0, 1, 6, 7], 0] = 1.0
+    state = take(begin(WatchSettings(batch=4), ISSUES), tally(codes, x, 4))
+    assert state.groups == (("kind", "a"), ("kind", "b"))
+    sums = state.counts
+    told = (sums.inside_x, sums.inside_n, sums.outside_x, sums.outside_n)
+    assert [one[:, 0].tolist() for one in told] == [[2, 2], [6, 2], [2, 2], [2, 6]]
+
+
 def test_groups_beyond_what_was_set_aside_are_named_not_watched():
     codes = np.tile([0, 1, 2], 10)
     state = begin(WatchSettings(most_groups=2), ISSUES)
