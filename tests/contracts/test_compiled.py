@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2] / "src"
-MARKS = ("compiled", "njit")
+MARKS = ("compiled", "_compiled", "njit")
 FOREIGN = ("numpy", "math", "cmath", "numba", "typing")
 """What a compiled function may use of other packages: it changes with their version only."""
 
