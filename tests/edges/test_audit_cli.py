@@ -2,7 +2,6 @@
 
 import csv
 import json
-import time
 from pathlib import Path
 
 import duckdb
@@ -10,7 +9,6 @@ import ibis
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-import pyarrow.parquet as pq
 import pytest
 
 from evenhand.audits.example import synthetic_log
@@ -300,57 +298,3 @@ def test_a_missing_extra_is_named(cli, monkeypatch, scheme, package, extra):
     assert (
         said == f"{scheme}://host/db needs the package {package}: pip install 'evenhand[{extra}]'"
     )
-
-
-# --- watch ---
-
-
-def uneven(n: int) -> bytes:
-    rng = np.random.default_rng(0)
-    rows = [
-        f"{group},{'yes' if rng.random() < (0.9 if group == 'f' else 0.3) else 'no'}"
-        for group in np.array(["f", "m"])[rng.integers(0, 2, n)]
-    ]
-    return ("\n".join(["gender,responded", *rows]) + "\n").encode()
-
-
-def test_watch_names_what_is_uneven(cli, tmp_path):
-    (tmp_path / "log.csv").write_bytes(uneven(1500))
-    ended = cli("watch", "log.csv", "--once")
-    assert ended.code == 0, ended.err
-    lines = ended.out.splitlines()
-    assert any("m (gender), willingness" in line and "more than the others" in line
-               for line in lines)  # fmt: skip
-    assert lines[-1].startswith("3 alarms in 1,500 services; the strongest evidence is")
-    failing = cli("watch", "log.csv", "--once", "--fail-on", "alarm")
-    assert failing.code == 3
-    assert failing.out.startswith("alarm after ")
-
-
-def test_watch_of_an_even_or_a_short_log_is_quiet(cli, fleet, tmp_path):
-    words = ("--once", "--fail-on", "alarm")
-    even = cli("watch", fleet, *words, "--identities", "gender")
-    assert (even.code, even.out.partition(";")[0]) == (0, "no alarm in 1,500 services")
-    (tmp_path / "log.csv").write_bytes(GOOD)
-    short = cli("watch", "log.csv", *words)
-    assert short.out == "no alarm: there are fewer than 30 services, which make a batch\n"
-    pq.write_table(pa.table({"gender": ["f", "m"] * 40, "responded": [1, 0] * 40}), "log.parquet")
-    assert cli("watch", "log.parquet", "--once").code == 0
-
-
-def test_watch_follows_a_file_until_it_is_stopped(apart, tmp_path):
-    path, content = tmp_path / "log.csv", uneven(1500)
-    cut = content.index(b"\n", 3000) + 4  # within a record
-    path.write_bytes(content[:cut])
-    words = ("watch", str(path), "--every", "0.05")
-    with apart.at_work(*words, when=lambda: True) as process:
-        with path.open("ab") as file:
-            file.write(content[cut:])
-        line = process.stdout.readline()
-        while "m (gender)" not in line:
-            assert line.startswith("alarm after ")
-            line = process.stdout.readline()
-        time.sleep(0.1)
-        ended = apart.interrupt(process)
-    assert ended.code == 130
-    assert "Traceback" not in ended.err
