@@ -25,9 +25,9 @@ def one_epoch(settings: TrainSettings, monkeypatch) -> tuple[train.EpochRecord, 
     caught: list[Any] = []
     update = train.update
 
-    def catch(state, trajectories, advantage, target, chosen, rng, fair):
+    def catch(state, trajectories, advantage, target, chosen, rng, fair, anchor):
         caught.append((trajectories, np.asarray(advantage), np.asarray(target)))
-        return update(state, trajectories, advantage, target, chosen, rng, fair)
+        return update(state, trajectories, advantage, target, chosen, rng, fair, anchor)
 
     monkeypatch.setattr(train, "update", catch)
     detector = detector_io.load(detector_io.SHIPPED)
