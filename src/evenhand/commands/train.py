@@ -20,8 +20,9 @@ class Train:
     updated (Eq. 6 to 8).
 
     The folder keeps settings and versions (settings.json), every epoch (epochs.jsonl), every
-    service (services/) and a checkpoint every 50 epochs. Stop it whenever you like: the same
-    command goes on from the last checkpoint, and ends with the same bits.
+    service (services/), what was to be seen of it (states/), and a checkpoint every 50 epochs.
+    Stop it whenever you like: the same command goes on from the last checkpoint, and ends with
+    the same bits.
 
     For instance: evenhand train --out out/run --algorithm reinforce --guidance score
     """
@@ -97,6 +98,9 @@ class Train:
     """Detector that judges every epoch, from `evenhand detect fit`.
     Without it: the one that comes along, fitted to simulated respondents."""
 
+    states: bool = True
+    """Keep where everybody was, 270 bytes a service, for `evenhand film` and `evenhand replay`."""
+
     def run(self, command: str) -> int:
         """Train and print where the run is."""
         inputs.load_physics()
@@ -132,6 +136,12 @@ class Train:
         judge = inputs.load_detector(self.detector)
         with show.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
-            run.execute(self.out, settings, judge, progress=lambda n: tell(n["services"], n))
+            run.execute(
+                self.out,
+                settings,
+                judge,
+                progress=lambda n: tell(n["services"], n),
+                recorded=self.states,
+            )
         print(self.out)
         return 0

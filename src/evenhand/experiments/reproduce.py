@@ -179,6 +179,7 @@ def train_and_test(
         progress=lambda numbers: tell(
             numbers["services"], {"physics_steps": numbers["physics_steps"]}
         ),
+        recorded=True,
     )
     table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
     test = measure.summary(table, TEST_SEED + seed)

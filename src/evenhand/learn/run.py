@@ -2,7 +2,8 @@
 
 A folder holds ``settings.json`` (settings, versions, fingerprint), ``detector.json``,
 ``epochs.jsonl`` (a line an epoch), ``services/`` (Parquet, a file for each checkpoint),
-``checkpoint.npz`` and, once an experiment has tested what was learned, ``done.json``.
+``states/`` (what was to be seen of them, likewise), ``checkpoint.npz`` and, once an experiment
+has tested what was learned, ``done.json``.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ from evenhand import detector_io, files
 from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
-from evenhand.learn import checkpoint, train
+from evenhand.learn import checkpoint, states, train
 from evenhand.learn.past import Past
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import LearnerState
+from evenhand.restaurant.recording import Recording
 
 CHECKPOINT_EVERY = 50
 """Epochs between checkpoints; a killed run loses at most so many."""
@@ -54,6 +56,7 @@ def execute(
     *,
     every: int = CHECKPOINT_EVERY,
     progress: Progress | None = None,
+    recorded: bool = False,
 ) -> LearnerState:
     """Train in a folder, from the start or from where an earlier process stopped.
 
@@ -64,6 +67,7 @@ def execute(
         every: epochs between checkpoints.
         progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
             the other numbers of every new epoch.
+        recorded: keep what was to be seen of the services (``states/``), for clips and replay.
 
     Returns:
         The trained learner.
@@ -84,19 +88,30 @@ def execute(
         if first and progress is not None:
             progress({"services": first * settings.people, "physics_steps": 0})
         services: list[Interactions] = []
+        seen: list[Recording] = []
         lines: list[str] = []
         for record in train.train(
-            settings, detector, state=state, rng=rng, first_epoch=first, past=past
+            settings,
+            detector,
+            state=state,
+            rng=rng,
+            first_epoch=first,
+            past=past,
+            recorded=recorded,
         ):
             services.append(record.interactions)
+            if record.seen is not None:
+                seen.append(record.seen)
             lines.append(_line(record))
             state, past = record.state, record.past
             if progress is not None:
                 progress({"epoch": record.epoch} | record.numbers)
             ended = record.epoch + 1
             if ended % every == 0 or ended == settings.epochs:
+                if seen:
+                    states.keep(root, seen, ended)
                 _keep(root, state, past, rng, ended, services, lines, prints)
-                services, lines = [], []
+                services, seen, lines = [], [], []
         return state
 
 
@@ -255,6 +270,7 @@ def _resume(
             "same command again"
         )
     files.write_text(log, b"".join(kept).decode())
+    states.drop(root, first)
     services = files.make_folder(root / "services")
     files.sweep(services)
     there = 0

@@ -25,6 +25,7 @@ from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learn
 from evenhand.learn.view import view
 from evenhand.restaurant import layout, plan, serve, task
 from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.recording import Recording, renumbered
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class EpochRecord:
         interactions: its services.
         state: the learner after the update.
         past: what the next epoch has to remember beside it.
+        seen: what was to be seen of its services, if they were recorded.
     """
 
     epoch: int
@@ -44,6 +46,7 @@ class EpochRecord:
     interactions: Interactions
     state: LearnerState
     past: Past
+    seen: Recording | None = None
 
 
 def untrained(settings: TrainSettings) -> LearnerState:
@@ -93,6 +96,7 @@ def train(
     rng: np.random.Generator | None = None,
     first_epoch: int = 0,
     past: Past | None = None,
+    recorded: bool = False,
 ) -> Iterator[EpochRecord]:
     """Train epoch by epoch.
 
@@ -103,6 +107,7 @@ def train(
         rng: as it was then; the run's own stream by default.
         first_epoch: number of the next epoch.
         past: as it was then; empty by default.
+        recorded: keep what was to be seen of the services.
 
     Yields:
         A record after every update.
@@ -119,8 +124,16 @@ def train(
         setups = layout.draw(population, settings.people + 1, rng)
         served, following = setups[:-1], setups[-1:]
         done = serve.serve(
-            lanes, served, robot(settings, state.policy), rng, settings.sensor, settings.needs
+            lanes,
+            served,
+            robot(settings, state.policy),
+            rng,
+            settings.sensor,
+            settings.needs,
+            recorded=recorded,
         )
+        first = number * settings.people
+        seen = None if done.seen is None else renumbered(done.seen, first)
         done = replace(done, observation=view(settings, done.observation))
         table = serve.record(
             done.facts,
@@ -128,7 +141,7 @@ def train(
             epoch=number,
             scenario=settings.scenario,
             robot=settings.update.algorithm,
-            first_service=number * settings.people,
+            first_service=first,
         )
         served_at = perf_counter()
         epoch, probability = judged(table, done, served.asking, detector)
@@ -164,7 +177,7 @@ def train(
             found, past = _reflect(settings, before, state.policy, trajectories, epoch, past)
             numbers |= found.numbers()
         numbers["time_reflecting"] = perf_counter() - updated_at
-        yield EpochRecord(number, _plain(numbers), table, state, past)
+        yield EpochRecord(number, _plain(numbers), table, state, past, seen)
 
 
 def judged(

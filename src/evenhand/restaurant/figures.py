@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from evenhand.restaurant import plan, props
-from evenhand.restaurant.layout import Setups
+from evenhand.restaurant.layout import Places
 from evenhand.restaurant.props import INDOORS, RUBBER, SEAT_HEIGHT, STEEL, Brush, Rgb, hue
 
 SKIN: tuple[Rgb, ...] = (
@@ -160,7 +160,7 @@ class Figures:
         body = model.geom_bodyid[self._hair[0]]
         self._floor = np.array([0.0, 0.0, -model.body_pos[body, 2]])
 
-    def show(self, setups: Setups, row: int) -> None:
+    def show(self, setups: Places, row: int) -> None:
         """Draw the guests of one service.
 
         Args:

@@ -7,6 +7,7 @@ is short enough to be served in time by a robot that sets off at once.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
@@ -21,6 +22,40 @@ _ACCESS = plan.CLUSTER_RADIUS + route.MARGIN + 0.03
 """From the middle of a table to the front of its seats."""
 _LONGEST_WAY = 4.6
 """Metres of way that can be driven before a response at 1.25 m would be late."""
+
+
+class Places(Protocol):
+    """Who is where in N services: as much of ``Setups`` as eyes need."""
+
+    @property
+    def people(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
+
+    @property
+    def position(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
+
+    @property
+    def facing(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
+
+    @property
+    def shape(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
+
+    @property
+    def table(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
+
+    @property
+    def start(self) -> np.ndarray:
+        """As in ``Setups``."""
+        ...
 
 
 @dataclass(frozen=True)

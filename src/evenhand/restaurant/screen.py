@@ -19,7 +19,7 @@ import numpy as np
 from evenhand.errors import InputError, unknown
 from evenhand.restaurant import dressing, scene
 from evenhand.restaurant.figures import Figures
-from evenhand.restaurant.layout import Setups
+from evenhand.restaurant.layout import Places
 from evenhand.restaurant.props import INDOORS
 from evenhand.restaurant.world import World
 
@@ -80,7 +80,7 @@ class Screen:
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._renderer: mujoco.Renderer | None = renderer
 
-    def picture(self, world: World, lane: int, setups: Setups, row: int) -> np.ndarray:
+    def picture(self, world: World, lane: int, setups: Places, row: int) -> np.ndarray:
         """A service as it stands now.
 
         Args:
@@ -97,7 +97,7 @@ class Screen:
         """
         return self.still(world.state[lane], setups, row)
 
-    def still(self, robot: np.ndarray, setups: Setups, row: int) -> np.ndarray:
+    def still(self, robot: np.ndarray, setups: Places, row: int) -> np.ndarray:
         """A service with the robot at a pose that was recorded; guests keep their places.
 
         Args:

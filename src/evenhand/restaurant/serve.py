@@ -13,8 +13,9 @@ import numpy as np
 
 from evenhand import people
 from evenhand.interactions import Interactions
-from evenhand.restaurant import layout, needs, plan, senses, task
+from evenhand.restaurant import layout, needs, plan, recording, senses, task
 from evenhand.restaurant.lanes import Facts, Lanes
+from evenhand.restaurant.recording import Recording
 
 Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(observation float32 [n, 25], rows int [n]) -> probability of responding now [n].
@@ -33,12 +34,14 @@ class Services:
         observation: at each decision, float32 [N, L, 25]; zero after the end.
         action: codes of ``task.ACTIONS``, int32 [N, L].
         mask: 1 where a decision was taken, float32 [N, L].
+        seen: what was to be seen of them, if they were recorded.
     """
 
     facts: Facts
     observation: np.ndarray
     action: np.ndarray
     mask: np.ndarray
+    seen: Recording | None = None
 
 
 def serve(
@@ -48,6 +51,8 @@ def serve(
     rng: np.random.Generator,
     sense: senses.SenseSettings,
     wanted: needs.NeedSettings | None = None,
+    *,
+    recorded: bool = False,
 ) -> Services:
     """Run every set-up to the end of its service.
 
@@ -58,6 +63,7 @@ def serve(
         rng: randomness of readings and of actions.
         sense: the distance sensor.
         wanted: who needs another service; nobody by default.
+        recorded: keep what was to be seen.
     """
     total, length = len(setups), lanes.settings.decisions
     elapsed = lanes.settings.interval * plan.TIMESTEP
@@ -67,6 +73,7 @@ def serve(
     observation = np.zeros((total, length, task.OBSERVATION_SIZE), np.float32)
     action = np.zeros((total, length), np.int32)
     mask = np.zeros((total, length), np.float32)
+    pose = np.full((total, length + 1, 3), np.nan) if recorded else None
     parts = []
     for first in range(0, total, lanes.n):
         rows = slice(first, min(first + lanes.n, total))
@@ -74,21 +81,31 @@ def serve(
         lanes.begin(ids, lanes.prepare(setups[rows], chances[rows], people_need[rows]), ids)
         active = ids
         for k in range(length):
-            seen = lanes.observe(active)
+            known = lanes.observe(active)
             row = active + first
-            responds = uniform[row, k] < robot(seen, row)
-            observation[row, k], action[row, k], mask[row, k] = seen, responds, 1.0
+            responds = uniform[row, k] < robot(known, row)
+            observation[row, k], action[row, k], mask[row, k] = known, responds, 1.0
+            if pose is not None:
+                pose[row, k] = lanes.world.state[active]
             lanes.respond(active[responds])
             active = active[~responds]
             if len(active):
-                active = active[~lanes.walk(active)]
+                over = lanes.walk(active)
+                if pose is not None and over.any():
+                    pose[active[over] + first, k + 1] = lanes.world.state[active[over]]
+                active = active[~over]
             if not len(active):
                 break
         parts.append(lanes.facts(ids))
     facts = Facts(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facts)}
     )
-    return Services(facts, observation, action, mask)
+    seen = None
+    if pose is not None:
+        sensed = observation[:, :, task.N_GROUPS] * task.DISTANCE_UNIT
+        sensed = np.where(mask == 1.0, sensed, np.nan)
+        seen = recording.make(setups, pose, sensed, lanes.settings.interval)
+    return Services(facts, observation, action, mask, seen)
 
 
 def record(
