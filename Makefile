@@ -51,4 +51,6 @@ $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
 		--editable '.[dev]'
+	@# machine code for this machine, as pip compiles what it installs
+	OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
 	@touch $@

@@ -24,8 +24,8 @@ def detector():
     return detector_io.load(detector_io.SHIPPED)
 
 
-def execute(folder: Path, detector, settings: TrainSettings = SETTINGS) -> None:
-    run.execute(folder, settings, detector, every=EVERY)
+def execute(folder: Path, detector, settings: TrainSettings = SETTINGS, progress=None) -> None:
+    run.execute(folder, settings, detector, every=EVERY, progress=progress, recorded=True)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def half(tmp_path, detector) -> Path:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run.execute(folder, SETTINGS, detector, every=EVERY, progress=stop)
+        execute(folder, detector, progress=stop)
     assert told == [0, 1, 2, 3, 4]
     return folder
 
@@ -57,9 +57,13 @@ class TestFolder:
     def test_what_a_finished_run_holds(self, undisturbed):
         assert sorted(p.name for p in undisturbed.iterdir() if p.name != ".lock") == [
             "checkpoint.npz", "detector.json", "epochs.jsonl", "services", "settings.json",
+            "states",
         ]  # fmt: skip
         assert sorted(os.listdir(undisturbed / "services")) == [
             "000000-000002.parquet", "000002-000004.parquet", "000004-000005.parquet",
+        ]  # fmt: skip
+        assert sorted(os.listdir(undisturbed / "states")) == [
+            "000000-000002.npz", "000002-000004.npz", "000004-000005.npz",
         ]  # fmt: skip
         noted = json.loads((undisturbed / "settings.json").read_text())
         assert noted["settings"]["people"] == 3
@@ -152,9 +156,11 @@ class TestStoppedAnywhere:
         (half / "services" / "000004-000005.parquet").write_bytes(b"PAR1 half")
         (half / "services" / "000004-000006.parquet").write_bytes(b"PAR1 of other steps")
         (half / "services" / "000004-000005.parquet.part").write_bytes(b"PAR1")
+        (half / "states" / "000004-000006.npz").write_bytes(b"PK of other steps")
+        (half / "states" / ".000004-000005.npz.123.part").write_bytes(b"PK")
         (half / ".checkpoint.npz.123.part").write_bytes(b"PK")
         told: list[dict] = []
-        run.execute(half, SETTINGS, detector, every=EVERY, progress=told.append)
+        execute(half, detector, progress=told.append)
         assert content(half) == content(undisturbed)
         assert [n["services"] for n in told] == [12, 3]
         assert not list(half.rglob("*.part"))

@@ -11,7 +11,7 @@ from time import monotonic
 from typing import Any
 
 from evenhand import detector_io, files, report
-from evenhand.experiments import claims, corrected, demos, measure, tables
+from evenhand.experiments import claims, demos, measure, study_tables, tables
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
 from evenhand.guidance import SERVICE_KINDS
@@ -77,7 +77,7 @@ def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
             tell = stage("tables and report", 1)
             _write_tables(out, shown, study, results)
         _write_manifest(out, settings, command, files.read_record(clock))
-        page = report.build(out)
+        page = report.build(out, settings.workers)
         tell(1, {})
     return page
 
@@ -143,7 +143,8 @@ def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[st
                     )
                 )
     units = len(tasks) * (settings.epochs * measure.WINDOW + settings.services)
-    results = run_all(tasks, settings.workers, stage("training and test", units))
+    beside = study_tables.task(out / "data", settings.windows, DEMO_SEED)
+    *results, _ = run_all([*tasks, beside], settings.workers, stage("training and test", units))
     order = {name: i for i, name in enumerate(ARMS)}
     found = [head | result for head, result in zip(heads, results, strict=True)]
     return sorted(found, key=lambda r: (r["preset"], order[r["arm"]], r["seed"]))
@@ -192,8 +193,6 @@ def _write_tables(
     out: Path, shown: demos.Demos, study: demos.Study, results: Sequence[dict[str, Any]]
 ) -> None:
     data = out / "data"
-    named, worst = tables.questionnaire(study)
-    performance, calibration, confusion = tables.detector(study)
     epochs: list[tables.Row] = []
     test: list[tables.Row] = []
     tidy: list[tables.Row] = []
@@ -217,22 +216,8 @@ def _write_tables(
             "reflection_alarms": sum(row["alarm"] for row in found) if found else None,
         }
         tidy += [head | {"metric": name, "value": value} for name, value in numbers.items()]
-    for name, rows in (
-        ("questionnaire", named),
-        ("questionnaire_issue", worst),
-        ("judgements", tables.judgements(shown, study)),
-        ("signatures", tables.signatures(shown)),
-        ("behaviour", tables.behaviour(shown)),
-        ("detector", performance),
-        ("calibration", calibration),
-        ("confusion", confusion),
-        ("tsne", tables.tsne(shown, study, DEMO_SEED)),
-        ("epochs", epochs),
-        ("test", test),
-    ):
-        tables.write(data / f"{name}.csv", rows)
-    compared = corrected.side_by_side(shown, study, DEMO_SEED)
-    tables.write(data / "judges.csv", tables.judges(compared), tables.JUDGES_COLUMNS)
+    tables.write(data / "epochs.csv", epochs)
+    tables.write(data / "test.csv", test)
     # a preset without Evenhand's own arms has no row of it
     tables.write(data / "reflection.csv", reflected, tables.REFLECTION_COLUMNS)
     tables.write(out / "results.csv", tidy, ("preset", "arm", "seed", "metric", "value"))

@@ -16,7 +16,7 @@ from evenhand.errors import InputError
 __all__ = ["build"]
 
 
-def build(folder: Path | str) -> Path:
+def build(folder: Path | str, workers: int = 1) -> Path:
     """Draw every figure and write the report of an experiment.
 
     The same tables give the same bytes. Each file is written aside and renamed, so that a
@@ -24,6 +24,7 @@ def build(folder: Path | str) -> Path:
 
     Args:
         folder: the folder of the experiment.
+        workers: processes that draw figures; with 1 everything is drawn in this one.
 
     Returns:
         The path of ``report.html``.
@@ -40,7 +41,7 @@ def build(folder: Path | str) -> Path:
     target = folder / "report.html"
     try:
         (folder / "figures").mkdir(exist_ok=True)  # before drawing: what cannot be kept is not made
-        drawn = list(figures.draw_all(results))
+        drawn = figures.draw_all(results, workers)
         page = html.render(results, drawn)
         for figure in drawn:
             base = folder / "figures" / figure.plate.name

@@ -5,7 +5,9 @@ May touch: matplotlib. The order here is the order of the page.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -222,8 +224,16 @@ def draw(plate: Plate, results: Results) -> Drawn:
     return Drawn(plate, data, plate.caption(results, data), svg, narrow, pdf, csv_text(data))
 
 
-def draw_all(results: Results) -> Iterator[Drawn]:
-    """Every figure that the results have data for, in the order of the page."""
-    for plate in PLATES:
-        if len(plate.data(results)):
-            yield draw(plate, results)
+def draw_all(results: Results, workers: int = 1) -> list[Drawn]:
+    """Every figure that the results have data for, in the order of the page.
+
+    Args:
+        results: of an experiment.
+        workers: processes that draw; with 1 everything is drawn in this one.
+    """
+    chosen = [plate for plate in PLATES if len(plate.data(results))]
+    if workers == 1:
+        return [draw(plate, results) for plate in chosen]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(chosen)), context) as pool:
+        return list(pool.map(draw, chosen, [results] * len(chosen)))

@@ -174,7 +174,7 @@ def read(path: str | os.PathLike[str]) -> Recording:
         InputError: when the file is missing, cut off, or no recording.
     """
     try:
-        with np.load(Path(path), allow_pickle=False) as kept:
+        with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as kept:
             content = {name: kept[name] for name in kept.files}
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
