@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,14 +41,16 @@ class Audit:
         findings: every number.
         about: the log, and how it was read.
         mapping: columns and the roles they play.
-        warnings: what looks odd in the log, a sentence each.
-        services: how many were audited.
     """
 
     findings: Findings
     about: About
     mapping: Mapping
-    warnings: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks odd in the log, a sentence each."""
+        return self.about.doubts
 
     @property
     def services(self) -> int:
@@ -121,7 +124,7 @@ class Audit:
         elif target.suffix == ".csv":
             content = forms.csv_text(forms.rows(self.findings))
         else:
-            plain = forms.plain(self.findings, self.about) | {"warnings": list(self.warnings)}
+            plain = forms.plain(self.findings, self.about)
             content = json.dumps(plain, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         files.write_text(target, content)
         return target
@@ -177,8 +180,9 @@ def audit(
         InputError: when the log cannot be read or is not what it should be.
     """
     log = open_source(source, table)
-    if "url" in log.description:
-        command = command.replace(str(source), log.description["url"])  # without its password
+    if "url" in log.description:  # without its password
+        for written in (shlex.quote, str):
+            command = command.replace(written(str(source)), written(log.description["url"]))
     try:
         chosen = mapping_for(log, mapping, roles)
         counts, warnings = tally(log, chosen)
@@ -187,8 +191,8 @@ def audit(
         log.close()
     judged = replace(settings or AuditSettings(), depth=chosen.depth)
     found = find(counts, judged)
-    about = _about(log, chosen, counts, command or _call(log, judged), synthetic)
-    return Audit(found, about, chosen, tuple(warnings))
+    about = _about(log, chosen, counts, command or _call(log, chosen, judged), synthetic, warnings)
+    return Audit(found, about, chosen)
 
 
 def mapping_for(
@@ -215,7 +219,14 @@ def mapping_for(
     return found
 
 
-def _about(log: Source, mapping: Mapping, counts: Tally, command: str, synthetic: bool) -> About:
+def _about(
+    log: Source,
+    mapping: Mapping,
+    counts: Tally,
+    command: str,
+    synthetic: bool,
+    doubts: Sequence[str],
+) -> About:
     waits = counts.waits
     return About(
         title=log.name,
@@ -223,6 +234,7 @@ def _about(log: Source, mapping: Mapping, counts: Tally, command: str, synthetic
         mapping=describe(mapping),
         command=command,
         synthetic=synthetic,
+        doubts=tuple(doubts),
         left_out=tuple(_left_out(mapping, waits is not None)),
         meanings=meanings(mapping.thresholds, mapping.late),
         within=joined(list(mapping.within)) if mapping.within else "",
@@ -230,8 +242,21 @@ def _about(log: Source, mapping: Mapping, counts: Tally, command: str, synthetic
     )
 
 
-def _call(log: Source, settings: AuditSettings) -> str:
-    return f"evenhand.audit({log.name!r}, settings=AuditSettings(seed={settings.seed}))"
+def _call(log: Source, mapping: Mapping, settings: AuditSettings) -> str:
+    """What repeats an audit in Python."""
+    told = log.description
+    lasts = "files" in told or "url" in told
+    source = repr(told.get("url", log.name)) if lasts else "log"
+    table = f", table={told['table']!r}" if lasts and "table" in told else ""
+    return f"evenhand.audit({source}, {_made(mapping)}, {_made(settings)}{table})"
+
+
+def _made(chosen: Mapping | AuditSettings) -> str:
+    """What makes it, without what is so by default."""
+    usual = type(chosen)()
+    said = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
+    parts = [f"{name}={one!r}" for name, one in said.items() if one != getattr(usual, name)]
+    return f"{type(chosen).__name__}({', '.join(parts)})"
 
 
 _NEEDS = {

@@ -96,6 +96,7 @@ def render(findings: Findings, about: About) -> str:
     return environment.get_template("card.html.j2").render(
         title=shown(about.title),
         about=about,
+        doubts=[shown(sentence) for sentence in about.doubts],
         left_out=[shown(sentence) for sentence in about.left_out],
         command="\n".join(shown(line) for line in about.command.splitlines()),
         within=shown(about.within),

@@ -76,6 +76,7 @@ def look(source: Source, mapping: Mapping, read: Facts) -> Checked:
         asked[f"groups{i}"] = table[name].approx_nunique()
     told = source.fetch(table.aggregate(**asked)).to_pylist()[0]
     if not told["n"]:
+        source.check_unchanged()
         raise InputError(f"{source.name} has no services: there is nothing to audit")
     for i, name in enumerate(plain):
         if told[f"groups{i}"] > _DOUBTLESS * MOST_GROUPS:

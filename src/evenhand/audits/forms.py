@@ -162,6 +162,7 @@ def plain(findings: Findings, about: About) -> dict[str, Any]:
         "within": about.within or None,
         "late_seconds": as_plain(about.late),
         "left_out": list(about.left_out),
+        "warnings": list(about.doubts),
         "settings": as_plain(dataclasses.asdict(findings.settings)),
         "seed": int(findings.settings.seed),
         "versions": versions(),

@@ -38,6 +38,7 @@ class About:
         mapping: how its columns were read: (role, column, unit) of each.
         command: repeats the audit.
         synthetic: whether the log says that it is synthetic.
+        doubts: what looks odd in the log, a sentence each.
         left_out: a sentence for everything that the log cannot tell, with the reason.
         meanings: issue -> when a service has it, with the thresholds used.
         within: what the strata are; empty without strata.
@@ -50,6 +51,7 @@ class About:
     mapping: Sequence[tuple[str, str, str]]
     command: str
     synthetic: bool = False
+    doubts: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     meanings: Mapping[str, str] = field(default_factory=dict)
     within: str = ""

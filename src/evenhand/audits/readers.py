@@ -130,7 +130,8 @@ def _arrow(con: Any, paths: list[Path]) -> Read:
     parts, rows = [], 0
     for i, path in enumerate(paths):
         try:
-            with pa.memory_map(str(path)) as file:
+            # not mapped into memory: there, a file that is cut off later ends the whole process
+            with pa.OSFile(str(path)) as file:
                 frame = pa.ipc.open_file(file).read_all()
         except pa.ArrowInvalid:
             # the other form of Arrow files, which begins without the mark

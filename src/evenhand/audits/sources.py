@@ -142,6 +142,22 @@ def open_source(source: object, table: str | None = None) -> Source:
     )
 
 
+def check_target(source: str, path: Path) -> None:
+    """Check that writing a file leaves the log as it is.
+
+    Args:
+        source: where the log is, as for ``open_source``.
+        path: what will be written.
+
+    Raises:
+        InputError: when it is a file of the log; or when there is no such log.
+    """
+    if databases.is_url(source) or not path.exists():
+        return
+    if any(one.exists() and path.samefile(one) for one in _find(source)[0]):
+        raise InputError(f"{path} is the log itself, which is never changed: choose another name")
+
+
 def _from_arrow(frame: pa.Table, name: str, kind: str) -> Source:
     check_names(name, tuple(frame.column_names))
     if not frame.num_rows:

@@ -312,8 +312,9 @@ def resemblance_sentences(listed: Sequence[Resemblance], about: About) -> list[s
     if said:
         said.append(
             f"The detector repeats which patterns of the four issues {shown(about.judges)} called "
-            "by which name, whatever the identity. A likeness is no test, says nothing of intent "
-            "or cause, and does not change the verdict."
+            "by which name. It does not see which identity it is shown, so that the name need not "
+            "fit the identity. A likeness is no test, says nothing of intent or cause, and does "
+            "not change the verdict."
         )
     return said
 

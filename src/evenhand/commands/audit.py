@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -156,12 +157,13 @@ class Audit(Columns):
         if not self.log:
             raise InputError("no log is given: name a file, a folder or the URL of a database")
         from evenhand import show
-        from evenhand.audits import api, forms, words
+        from evenhand.audits import api, forms, sources, words
         from evenhand.audits.results import AuditSettings
         from evenhand.inference.verdicts import VerdictSettings
 
         for path in self.out:
             api.check_ending(path)
+            sources.check_target(self.log, path)
             files.make_folder(path.parent)
         settings = AuditSettings(
             VerdictSettings(self.alpha, self.delta, self.power, self.permutations),
@@ -170,7 +172,7 @@ class Audit(Columns):
         mapping = self.mapping()
         if self.depth is not None:
             mapping = replace(mapping, depth=self.depth)
-        found = api.audit(self.log, mapping, settings, table=self.table, command=command)
+        found = api.audit(self.log, mapping, settings, table=self.table, command=self.words())
         for sentence in (*found.about.left_out, *found.warnings):
             print(f"note: {sentence}", file=sys.stderr)
         show.table(
@@ -184,6 +186,16 @@ class Audit(Columns):
         for path in self.out:
             print(found.save(path))
         return FOUND if self._fails(found.verdict) else 0
+
+    def words(self) -> str:
+        """The command for a shell, with every option that is not the default."""
+        said = ["evenhand", "audit", self.log]
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name != "log" and value != field.default:
+                several = value if isinstance(value, tuple) else (value,)
+                said += [f"--{field.name.replace('_', '-')}", *map(str, several)]
+        return shlex.join(said)
 
     def _fails(self, verdict: str) -> bool:
         if self.fail_on == "nothing":

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
 
-from evenhand.inference.chance import check_counts, check_level
+from evenhand.inference.chance import check_counts, check_level, recovered_limits, wilson
 from evenhand.issues import Counts
 
 
@@ -36,11 +35,12 @@ class Within:
 
 
 def mantel_haenszel(parts: Sequence[Counts], level: float = 0.95) -> Within:
-    """Mantel and Haenszel's difference with the limits of Sato, Greenland and Robins (1989).
+    """Mantel and Haenszel's difference with stratified Newcombe limits.
 
-    Var = (δ ΣP + ΣQ) / (Σw)², P = (n² y − m² x + n m (m − n) / 2) / N²,
-    Q = (x (m − y) + y (n − x)) / (2 N), with x cases of n inside and y of m outside; sound both
-    for few large and for many small strata.
+    Each side has the rate r = Σ w x/n / Σ w. Its variance is that of one sample of the size
+    (Σ w)² / Σ (w²/n), whose Wilson limits are combined as Newcombe does: in the manner of Yan and
+    Su (Statistics in Biopharmaceutical Research 2, 2010). With one stratum these are Newcombe's
+    own limits; a side without cases stays as unsure as its size makes it.
 
     Args:
         parts: counts of each stratum, [..., G, K].
@@ -51,25 +51,32 @@ def mantel_haenszel(parts: Sequence[Counts], level: float = 0.95) -> Within:
     """
     check_level("level", level)
     shape = np.shape(parts[0].inside_n)
-    weight, risen, p, q, chance = (np.zeros(shape) for _ in range(5))
+    weight, inside, outside, spread_in, spread_out, chance = (np.zeros(shape) for _ in range(6))
     for counts in parts:
         check_counts(counts)
         n, x = np.asarray(counts.inside_n, float), np.asarray(counts.inside_x, float)
         m, y = np.asarray(counts.outside_n, float), np.asarray(counts.outside_x, float)
         both = (n > 0) & (m > 0)
         size = np.where(both, n + m, 1.0)
-        weight += np.where(both, n * m / size, 0.0)
-        risen += np.where(both, (x * m - y * n) / size, 0.0)
-        p += np.where(both, (n**2 * y - m**2 * x + n * m * (m - n) / 2) / size**2, 0.0)
-        q += np.where(both, (x * (m - y) + y * (n - x)) / (2 * size), 0.0)
+        w = np.where(both, n * m / size, 0.0)
+        weight += w
+        # w/n = m/N and w/m = n/N
+        inside += np.where(both, x * m / size, 0.0)
+        outside += np.where(both, y * n / size, 0.0)
+        spread_in += w * np.where(both, m / size, 0.0)
+        spread_out += w * np.where(both, n / size, 0.0)
         cases = x + y
         spread = n * m * cases * (n + m - cases) / (size**2 * np.maximum(size - 1, 1.0))
         chance += np.where(both, spread, 0.0)
     known = weight > 0
     total = np.where(known, weight, 1.0)
-    difference = risen / total
-    half = ndtri(0.5 + level / 2) * np.sqrt(np.maximum(difference * p + q, 0.0)) / total
-    limits = np.clip([difference - half, difference + half], -1.0, 1.0)
+    rates, limits = [], []
+    for risen, spread in ((inside, spread_in), (outside, spread_out)):
+        rate = risen / total
+        size = np.where(known, total**2 / np.where(known, spread, 1.0), 0.0)
+        rates.append(rate)
+        limits.append(wilson(rate * size, size, level))
+    low, high = recovered_limits(rates[0], limits[0], rates[1], limits[1])
     even = np.sqrt(2 / np.pi * chance) / total
-    found = (np.where(known, values, np.nan) for values in (difference, *limits, even))
+    found = (np.where(known, values, np.nan) for values in (rates[0] - rates[1], low, high, even))
     return Within(*found)

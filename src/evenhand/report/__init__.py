@@ -7,11 +7,9 @@ needs no network, no script and no other file. Nothing here simulates or learns.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
-from evenhand.errors import InputError
+from evenhand import files
 
 __all__ = ["build"]
 
@@ -38,32 +36,14 @@ def build(folder: Path | str, workers: int = 1) -> Path:
 
     folder = Path(folder)
     results = inputs.read(folder)
+    where = files.make_folder(folder / "figures")  # what cannot be kept is not drawn
+    drawn = figures.draw_all(results, workers)
+    page = html.render(results, drawn)
+    for figure in drawn:
+        base = where / figure.plate.name
+        files.write_text(base.with_suffix(".svg"), figure.svg)
+        files.write_bytes(base.with_suffix(".pdf"), figure.pdf)
+        files.write_text(base.with_suffix(".csv"), figure.csv)
     target = folder / "report.html"
-    try:
-        (folder / "figures").mkdir(exist_ok=True)  # before drawing: what cannot be kept is not made
-        drawn = figures.draw_all(results, workers)
-        page = html.render(results, drawn)
-        for figure in drawn:
-            base = folder / "figures" / figure.plate.name
-            _write(base.with_suffix(".svg"), figure.svg.encode())
-            _write(base.with_suffix(".pdf"), figure.pdf)
-            _write(base.with_suffix(".csv"), figure.csv.encode())
-        _write(target, page.encode())
-    except OSError as error:
-        raise InputError(
-            f"{folder} cannot be written ({error.strerror}): free it or choose another folder"
-        ) from None
+    files.write_text(target, page)
     return target
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file aside and rename it."""
-    handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(aside, 0o644)
-        os.replace(aside, path)
-    except BaseException:
-        os.unlink(aside)
-        raise

@@ -4,6 +4,8 @@ import csv
 import io
 import json
 import math
+import shlex
+from dataclasses import replace
 
 import ibis
 import numpy as np
@@ -14,13 +16,16 @@ import pyarrow.csv
 import pytest
 
 import evenhand
+from evenhand.audits import api
 from evenhand.audits.api import Audit, audit
 from evenhand.audits.example import synthetic_log
 from evenhand.audits.mapping import Mapping
 from evenhand.audits.results import AuditSettings
+from evenhand.audits.sources import open_source
 from evenhand.errors import InputError
 from evenhand.inference.verdicts import VerdictSettings
 from evenhand.interactions import Interactions
+from evenhand.issues import Thresholds
 
 QUICK = AuditSettings(VerdictSettings(permutations=200), seed=3)
 LOG = synthetic_log(2000, np.random.default_rng(2))
@@ -210,6 +215,29 @@ def test_what_does_not_exist_is_named(path, roles, said):
 def test_a_log_without_an_identity_is_refused():
     with pytest.raises(InputError, match="no column that looks like an identity among place and"):
         audit(pa.table({"place": ["a", "b"], "responded": [True, False]}))
+
+
+def test_what_repeats_it_in_python_repeats_it(path, found, tmp_path):
+    """The line on the card, run as it stands; a frame is called log."""
+    names = {"evenhand": evenhand, "AuditSettings": AuditSettings, "Mapping": Mapping,
+             "VerdictSettings": VerdictSettings, "Thresholds": Thresholds}  # fmt: skip
+    again = eval(found.about.command, names)
+    assert numbers(again) == numbers(found)
+    assert again.about.command == found.about.command
+    frame = audit(LOG, settings=QUICK, identities=("gender",), within=("site",))
+    assert frame.about.command.startswith("evenhand.audit(log, Mapping(identities=('gender',), ")
+    assert numbers(eval(frame.about.command, {**names, "log": LOG})) == numbers(frame)
+
+
+@pytest.mark.parametrize("secret", ["s3cret", "it's"])
+def test_a_password_is_not_in_the_command(monkeypatch, secret):
+    """Nor where a shell needs the URL quoted."""
+    url = f"postgres://me:{secret}@host/db?x=1&y=2"
+    monkeypatch.setattr(api, "open_source", lambda *_: replace(
+        open_source(LOG), description={"kind": "postgres", "url": "postgres://me@host/db"}
+    ))  # fmt: skip
+    told = audit(url, settings=QUICK, command=shlex.join(["evenhand", "audit", url]))
+    assert shlex.split(told.about.command) == ["evenhand", "audit", "postgres://me@host/db"]
 
 
 def test_what_the_log_cannot_tell_is_said():

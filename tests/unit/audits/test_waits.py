@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 from statsmodels.duration.survfunc import SurvfuncRight, survdiff
 from statsmodels.stats.multitest import multipletests
 
@@ -60,6 +61,37 @@ def test_hand_numbers():
     assert (a.median, b.median) == (1.0, 3.0)  # steps 2 and 6 of half a second
     # Wilson's limits for three of three who still wait: low = 3 / (3 + 1.96²).
     assert (b.unserved_low, b.unserved_high) == pytest.approx((3 / (3 + 1.959964**2), 1))
+
+
+# Weeks of remission of acute leukaemia, Freireich et al., Blood 1963: (weeks, ended, patients).
+TREATED = [
+    *((6, 1, 3), (6, 0, 1), (7, 1, 1), (9, 0, 1), (10, 1, 1), (10, 0, 1), (11, 0, 1), (13, 1, 1)),
+    *((16, 1, 1), (17, 0, 1), (19, 0, 1), (20, 0, 1), (22, 1, 1), (23, 1, 1), (25, 0, 1)),
+    *((32, 0, 2), (34, 0, 1), (35, 0, 1)),
+]
+PLACEBO = [
+    *((1, 1, 2), (2, 1, 2), (3, 1, 1), (4, 1, 2), (5, 1, 2), (8, 1, 4), (11, 1, 2), (12, 1, 2)),
+    *((15, 1, 1), (17, 1, 1), (22, 1, 1), (23, 1, 1)),
+]
+
+
+@pytest.mark.parametrize(
+    ("week", "treated", "placebo"),
+    [(6, 0.857, 0.571), (7, 0.807, 0.571), (10, 0.753, 0.381), (13, 0.690, 0.190),
+     (16, 0.627, 0.143), (22, 0.538, 0.048), (23, 0.448, 0.0)],
+)  # fmt: skip
+def test_the_published_waiting_times_of_a_trial(week, treated, placebo):
+    """Kaplan and Meier's shares as in Gehan (1965) and textbooks since; Mantel's χ² is 16.79."""
+    rows = [(g, *row) for g, side in enumerate((TREATED, PLACEBO)) for row in side]
+    codes, step, ended, n = zip(*rows, strict=True)
+    kinds = (Identity("drug", ("6-MP", "placebo")),)
+    a, b = waits.compare(log([[c] for c in codes], step, ended, n, week, 1.0, kinds))
+    assert (a.n, a.responses, b.n, b.responses) == (21, 9, 21, 21)
+    assert (a.unserved, b.unserved) == pytest.approx((treated, placebo), abs=5e-4)
+    assert (a.median, b.median) == (23, 8)
+    # both sides of the one comparison, adjusted for two by Holm
+    assert stats.chi2.isf(a.p / 2, 1) == pytest.approx(16.79, abs=5e-3)
+    assert a.p == b.p
 
 
 def test_exactly_one_half_is_reached():
