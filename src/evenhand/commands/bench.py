@@ -21,8 +21,8 @@ class Bench:
     json: bool = False
     """Print JSON instead of tables."""
 
-    what: Literal["env", "audit", "all"] = "all"
-    """The environment and an epoch, an audit, or both."""
+    what: Literal["env", "audit", "film", "all"] = "all"
+    """The environment and an epoch, an audit, clips, or everything."""
 
     seconds: float = 15.0
     """For each of the four things that are measured of the environment, in turns of a quarter of a
@@ -31,10 +31,9 @@ class Bench:
     def run(self, command: str) -> int:
         """Measure and print."""
         found: dict[str, Any] = {}
-        if self.what != "audit":
-            found |= self._env()
-        if self.what != "env":
-            found |= self._audit()
+        for name, part in (("env", self._env), ("audit", self._audit), ("film", self._film)):
+            if self.what in (name, "all"):
+                found |= part()
         if self.json:
             print(json.dumps(found))
         return 0
@@ -56,4 +55,13 @@ class Bench:
         found = bench_audit.measure()
         if not self.json:
             bench_audit.show(found)
+        return found
+
+    def _film(self) -> dict[str, Any]:
+        inputs.load_physics()
+        from evenhand import bench_film
+
+        found = bench_film.measure()
+        if not self.json:
+            bench_film.show(found)
         return found

@@ -25,6 +25,10 @@ from evenhand.restaurant.world import World
 
 _HIDDEN = 5
 """Geom group that no camera shows."""
+_ROBOT_BOX = np.array([(x, y, z) for x in (-0.45, 0.45) for y in (-0.45, 0.45) for z in (0.0, 1.3)])
+"""Corners of a box around the robot, whichever way it turns; metres from its place on the floor."""
+Part = tuple[int, int, int, int]
+"""Of a picture: first column, first row from below, number of columns, number of rows; pixels."""
 
 
 class Screen:
@@ -37,7 +41,12 @@ class Screen:
     """
 
     def __init__(
-        self, camera: str = "room", width: int = 640, height: int = 480, smooth: bool = True
+        self,
+        camera: str = "room",
+        width: int = 640,
+        height: int = 480,
+        smooth: bool = True,
+        model: mujoco.MjModel | None = None,
     ) -> None:
         """Set up the camera and its renderer.
 
@@ -46,6 +55,7 @@ class Screen:
             width: pixels.
             height: pixels.
             smooth: draw edges without steps; without it drawing is about twice as fast.
+            model: a dressed restaurant in which more is to be seen; the usual one by default.
 
         Raises:
             InputError: for an unknown camera, a size that cannot be drawn, or a machine that
@@ -59,7 +69,7 @@ class Screen:
             if not 1 <= value <= most:
                 raise InputError(f"{name} of the picture is {value}: give 1 to {most} pixels")
         self.camera, self.width, self.height = camera, width, height
-        self._model = copy.copy(scene.model(dressed=True))
+        self._model = copy.copy(model or scene.model(dressed=True))
         # the renderer allots its buffer by these numbers: no more than is needed
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         # facets of round things: as few as the eye forgives at this size
@@ -74,6 +84,8 @@ class Screen:
         self._options.geomgroup[INDOORS] = camera != "room"
         self._options.sitegroup[:] = 0
         self._groups = self._model.geom_group.copy()
+        self._robots = self._model.geom_bodyid == self._model.body("robot").id
+        self._still: np.ndarray | None = None
         renderer = _renderer(self._model, width, height)
         # five to seven times faster without
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
@@ -111,8 +123,52 @@ class Screen:
         Raises:
             RuntimeError: after ``close``.
         """
-        if self._renderer is None:
-            raise RuntimeError("the screen is closed: make a new one")
+        self._place(robot, setups, row)
+        return self._draw(self._in_view())
+
+    def begin(self, setups: Places, row: int) -> None:
+        """Begin to show one service in pictures that follow each other, see ``move``.
+
+        Raises:
+            RuntimeError: after ``close``.
+        """
+        self._service = setups, row
+        self._still = None
+        if self.camera != "robot":
+            self._place(np.array([*setups.start[row], 0.0]), setups, row)
+            self._still = self._draw(self._in_view() & ~self._robots)
+
+    def move(self, robot: np.ndarray) -> np.ndarray:
+        """The service that was begun with the robot at a pose; as ``still``, but faster.
+
+        Two cameras do not move: what lies before them is drawn once, and then only the part of
+        the picture where the robot is.
+
+        Args:
+            robot: x, y (m) and yaw (rad) of the robot, shape (3,).
+
+        Returns:
+            Red, green, blue, uint8 [height, width, 3], the caller's own.
+
+        Raises:
+            RuntimeError: after ``close``.
+        """
+        if self._still is None:
+            return self.still(robot, *self._service)
+        self._data.qpos[:] = robot
+        mujoco.mj_kinematics(self._model, self._data)
+        left, low, wide, tall = self._around(robot)
+        picture = self._still.copy()
+        if wide > 0 and tall > 0:
+            top = self.height - low - tall
+            seen = self._in_view((left, low, wide, tall))
+            picture[top : top + tall, left : left + wide] = self._draw(
+                seen, (left, low, wide, tall)
+            )
+        return picture
+
+    def _place(self, robot: np.ndarray, setups: Places, row: int) -> None:
+        """Put everything where it belongs, and point the camera."""
         self._figures.show(setups, row)
         data = self._data
         data.qpos[:] = robot
@@ -126,23 +182,74 @@ class Screen:
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        self._model.geom_group[:] = np.where(self._in_view(), self._groups, _HIDDEN)
-        self._renderer.update_scene(data, self.camera, self._options)
-        return self._renderer.render()
 
-    def _in_view(self) -> np.ndarray:
+    def _draw(self, seen: np.ndarray, part: Part | None = None) -> np.ndarray:
+        """The picture, or a part of it, uint8 [rows, columns, 3]."""
+        renderer = self._renderer
+        if renderer is None:
+            raise RuntimeError("the screen is closed: make a new one")
+        self._model.geom_group[:] = np.where(seen, self._groups, _HIDDEN)
+        renderer.update_scene(self._data, self.camera, self._options)
+        if part is None:
+            return renderer.render()
+        left, low, wide, tall = part
+        for eye in renderer.scene.camera:
+            pixel = (eye.frustum_top - eye.frustum_bottom) / self.height
+            eye.frustum_bottom += low * pixel
+            eye.frustum_top = eye.frustum_bottom + tall * pixel
+            eye.frustum_center = (left + wide / 2 - self.width / 2) * pixel
+            eye.frustum_width = wide * pixel / 2
+        picture = np.empty((tall, wide, 3), np.uint8)
+        # the renderer itself draws whole pictures only
+        if renderer._gl_context:
+            renderer._gl_context.make_current()
+        window = mujoco.MjrRect(0, 0, wide, tall)
+        mujoco.mjr_render(window, renderer.scene, renderer._mjr_context)
+        mujoco.mjr_readPixels(picture, None, window, renderer._mjr_context)
+        return picture[::-1]
+
+    def _eye(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Place of the camera, its axes (right, up, back) as columns, half a picture at 1 m."""
+        index = self._model.camera(self.camera).id
+        axes = self._data.cam_xmat[index].reshape(3, 3)
+        half = float(np.tan(np.deg2rad(self._model.cam_fovy[index]) / 2))
+        return self._data.cam_xpos[index], axes, half
+
+    def _around(self, robot: np.ndarray) -> Part:
+        """The part of the picture that the robot can be in."""
+        eye, axes, half = self._eye()
+        corners = np.array([*robot[:2], 0.0]) + _ROBOT_BOX
+        right, up, back = ((corners - eye) @ axes).T
+        if (back > -0.2).any():
+            return 0, 0, self.width, self.height
+        scale = self.height / 2 / half
+        x, y = self.width / 2 + scale * right / -back, self.height / 2 + scale * up / -back
+        (left, wide), (low, tall) = (
+            (first, last - first)
+            for first, last in (
+                (max(int(along.min()) - 2, 0), min(int(along.max()) + 3, size))
+                for along, size in ((x, self.width), (y, self.height))
+            )
+        )
+        return left, low, wide, tall
+
+    def _in_view(self, part: Part | None = None) -> np.ndarray:
         """Which geoms may be seen; drawing costs by the geom, in view or not. Bool [geoms]."""
         model, data = self._model, self._data
-        index = model.camera(self.camera).id
-        right, up, back = (
-            (data.geom_xpos - data.cam_xpos[index]) @ data.cam_xmat[index].reshape(3, 3)
-        ).T
+        eye, axes, half = self._eye()
+        right, up, back = ((data.geom_xpos - eye) @ axes).T
         reach = np.where(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, np.inf, model.geom_rbound)
-        tall = np.tan(np.deg2rad(model.cam_fovy[index]) / 2)
-        wide = tall * self.width / self.height
+        left, low, wide, tall = part or (0, 0, self.width, self.height)
+        pixel = 2 * half / self.height
         seen = -back > -reach
-        for across, share in ((right, wide), (up, tall)):
-            seen &= np.abs(across) < -back * share + reach * np.hypot(1.0, share)
+        for across, first, count, size in (
+            (right, left, wide, self.width),
+            (up, low, tall, self.height),
+        ):
+            # slopes of the two sides of what is seen
+            least, most = (first - size / 2) * pixel, (first + count - size / 2) * pixel
+            seen &= across + back * most < reach * np.hypot(1.0, most)
+            seen &= across + back * least > -reach * np.hypot(1.0, least)
         return seen
 
     def close(self) -> None:

@@ -1,0 +1,1 @@
+"""Clips: services drawn from recorded poses, with signs in the picture, as MP4."""

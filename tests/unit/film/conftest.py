@@ -1,0 +1,29 @@
+"""Services to film, and whether this machine can draw."""
+
+import numpy as np
+import pytest
+
+from evenhand import people, robots
+from evenhand.errors import InputError
+from evenhand.film import sources
+from evenhand.restaurant import layout
+from evenhand.restaurant.screen import Screen
+
+
+@pytest.fixture(scope="session")
+def opengl(require):
+    """Skips where nothing can be drawn."""
+    try:
+        Screen("room", 64, 48).close()
+    except InputError as error:
+        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
+        raise
+
+
+@pytest.fixture(scope="session")
+def footage():
+    """Service i is served in manner i of ``robots.MANNERS``."""
+    rng = np.random.default_rng(3)
+    setups = layout.draw(people.population("uniform"), len(robots.MANNERS), rng)
+    robot = robots.of_manners(np.arange(len(setups)), rng)
+    return sources.recorded(robot, setups, rng, "scripted")
