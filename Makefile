@@ -4,7 +4,9 @@ SHELL := /bin/bash
 .PHONY: help reproduce test check bench lock clean
 
 BIN := .venv/bin
-READY := .venv/.ready
+# The environment with everything in it, and the page that is built with it.
+INSTALLED := .venv/.ready
+READY := src/evenhand/replay/static/replay.js
 OUT ?= out/reproduce
 # Anything else for the command: make reproduce ARGS="--seeds 2"
 ARGS ?=
@@ -22,7 +24,7 @@ reproduce: $(READY) ## run the whole experiment of the paper and write its repor
 	@echo "report: $(abspath $(OUT))/report.html"
 
 test: $(READY) ## run the tests (ARGS= for pytest)
-	$(BIN)/pytest -n 2 --ignore=tests/integrations $(ARGS)
+	$(BIN)/pytest -n 2 --ignore=tests/integrations --ignore=tests/browser $(ARGS)
 
 check: $(READY) ## format, lint, types, imports, spelling, house rules
 	$(BIN)/ruff format --check .
@@ -32,7 +34,7 @@ check: $(READY) ## format, lint, types, imports, spelling, house rules
 	$(BIN)/codespell
 	$(BIN)/pytest -q tests/contracts/test_house.py
 
-bench: $(READY) ## measure the speed of the environment and of an epoch (ARGS=--json)
+bench: $(READY) ## measure speed: environment, epoch, audit and clips (ARGS=--json)
 	$(BIN)/evenhand bench $(ARGS)
 
 lock: ## write the versions of .venv into constraints.txt
@@ -40,10 +42,15 @@ lock: ## write the versions of .venv into constraints.txt
 		> constraints.txt
 
 clean: ## remove .venv, caches and builds; results in out/ stay
-	rm -rf .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist
+	rm -rf .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist \
+		frontend/node_modules src/evenhand/replay/static
 	find src tests -name __pycache__ -prune -exec rm -rf {} +
 
-$(READY): pyproject.toml constraints.txt
+$(READY): $(INSTALLED) $(shell find frontend -maxdepth 1 -type f) $(shell find frontend/src -type f)
+	$(BIN)/python frontend/build.py
+	@touch $@
+
+$(INSTALLED): pyproject.toml constraints.txt
 	@[ -n "$(PYTHON)" ] || { echo "Evenhand needs Python 3.11 or newer with its venv module:" \
 		"install one, or name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
@@ -52,5 +59,5 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
 		--editable '.[dev]'
 	@# machine code for this machine, as pip compiles what it installs
-	OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
+	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
 	@touch $@

@@ -11,13 +11,14 @@ from time import monotonic
 from typing import Any
 
 from evenhand import detector_io, files, report
-from evenhand.experiments import claims, demos, measure, study_tables, tables
+from evenhand.experiments import claims, demos, measure, replays, study_tables, tables
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
 from evenhand.guidance import SERVICE_KINDS
 from evenhand.learn import run
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import settings_of
+from evenhand.replay.page import read_script
 
 ARMS: dict[str, tuple[str, str]] = {
     "reinforce": ("reinforce", "score"),
@@ -61,6 +62,7 @@ def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
         InputError: when the folder cannot be written, is in use, or holds another experiment.
     """
     out = files.make_folder(settings.out)
+    read_script()  # what cannot be shown in the end is said before hours of work
     with files.locked(out):
         _claim_folder(out, settings)
         for name in (".", "data", "figures", "runs", "data/demonstrations"):
@@ -137,6 +139,7 @@ def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[st
                             "epochs": settings.epochs,
                             "population": settings.population,
                             "services": settings.services,
+                            "page": replays.page_of(out, preset, arm, seed),
                             **head,
                         },
                         finished=run.finished(folder, key) is not None,
@@ -162,6 +165,7 @@ def train_and_test(
     epochs: int,
     population: str,
     services: int,
+    page: Path | None,
 ) -> dict[str, Any]:
     """One run in its folder: train, or go on training; then serve people it never saw."""
     done = run.finished(folder, key)
@@ -184,6 +188,8 @@ def train_and_test(
     )
     table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
     test = measure.summary(table, TEST_SEED + seed)
+    if page is not None:
+        replays.write(folder, page)
     run.finish(folder, key, {"test": test})
     tell(services, {"physics_steps": int(table.fact("steps").sum())})
     return {"test": test, "folder": str(folder)}
@@ -252,5 +258,6 @@ def _write_manifest(
             "population": settings.population,
             "elapsed_s": round(sum(clock.values()), 1),
             "stages": clock,
+            "replays": replays.links(out),
         },
     )

@@ -100,6 +100,7 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
         stages=[(name, f"{seconds:,.1f} s") for name, seconds in manifest["stages"].items()],
         elapsed=duration(manifest["elapsed_s"]),
         seeds=", ".join(str(seed) for seed in manifest["seeds"]),
+        replays=manifest.get("replays", ()),  # a folder from before there were any has none
     )
 
 
