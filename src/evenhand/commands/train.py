@@ -98,8 +98,8 @@ class Train:
     """Detector that judges every epoch, from `evenhand detect fit`.
     Without it: the one that comes along, fitted to simulated respondents."""
 
-    states: bool = True
-    """Keep where everybody was, 270 bytes a service, for `evenhand film` and `evenhand replay`."""
+    no_states: bool = False
+    """Do not keep where everybody was (270 bytes a service), which film and replay draw from."""
 
     def run(self, command: str) -> int:
         """Train and print where the run is."""
@@ -141,7 +141,7 @@ class Train:
                 settings,
                 judge,
                 progress=lambda n: tell(n["services"], n),
-                recorded=self.states,
+                recorded=not self.no_states,
             )
         print(self.out)
         return 0

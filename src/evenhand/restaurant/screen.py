@@ -25,6 +25,8 @@ from evenhand.restaurant.world import World
 
 _HIDDEN = 5
 """Geom group that no camera shows."""
+_SMALLEST = 1.5
+"""Radius of the smallest geoms that are drawn, pixels."""
 _ROBOT_BOX = np.array([(x, y, z) for x in (-0.45, 0.45) for y in (-0.45, 0.45) for z in (0.0, 1.3)])
 """Corners of a box around the robot, whichever way it turns; metres from its place on the floor."""
 Part = tuple[int, int, int, int]
@@ -133,9 +135,9 @@ class Screen:
             RuntimeError: after ``close``.
         """
         self._service = setups, row
+        self._place(np.array([*setups.start[row], 0.0]), setups, row)
         self._still = None
         if self.camera != "robot":
-            self._place(np.array([*setups.start[row], 0.0]), setups, row)
             self._still = self._draw(self._in_view() & ~self._robots)
 
     def move(self, robot: np.ndarray) -> np.ndarray:
@@ -153,10 +155,11 @@ class Screen:
         Raises:
             RuntimeError: after ``close``.
         """
-        if self._still is None:
-            return self.still(robot, *self._service)
         self._data.qpos[:] = robot
         mujoco.mj_kinematics(self._model, self._data)
+        if self._still is None:
+            self._aim(*self._service)
+            return self._draw(self._in_view())
         left, low, wide, tall = self._around(robot)
         picture = self._still.copy()
         if wide > 0 and tall > 0:
@@ -177,9 +180,13 @@ class Screen:
         data.mocap_quat[:] = 0.0
         data.mocap_quat[:, 0] = np.cos(setups.facing[row] / 2)
         data.mocap_quat[:, 3] = np.sin(setups.facing[row] / 2)
-        guests = setups.position[row]
-        dressing.aim(self._model, self.camera, data.qpos[:2], guests, setups.start[row])
         mujoco.mj_kinematics(self._model, data)
+        self._aim(setups, row)
+
+    def _aim(self, setups: Places, row: int) -> None:
+        """Point the camera at what was placed."""
+        data, guests = self._data, setups.position[row]
+        dressing.aim(self._model, self.camera, data.qpos[:2], guests, setups.start[row])
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
 
@@ -241,7 +248,8 @@ class Screen:
         reach = np.where(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, np.inf, model.geom_rbound)
         left, low, wide, tall = part or (0, 0, self.width, self.height)
         pixel = 2 * half / self.height
-        seen = -back > -reach
+        # what is too small to be made out costs as much as the rest
+        seen = (-back > -reach) & (reach > _SMALLEST * pixel * np.abs(back))
         for across, first, count, size in (
             (right, left, wide, self.width),
             (up, low, tall, self.height),
