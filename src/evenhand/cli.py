@@ -23,6 +23,7 @@ COMMANDS = {
     "reproduce": ("reproduce.Reproduce", "run the paper's whole experiment, write its report"),
     "train": ("train.Train", "train one robot in a run folder; run it again to resume"),
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
+    "film": ("film.Film", "make clips of services, or those of the questionnaire"),
     "compare": ("compare.Compare", "compare ways to evenness, rivals included, in every scenario"),
     "audit": ("audit.Audit", "audit the log of any service robot: who is served unevenly?"),
     "watch": ("watch.Watch", "watch a growing log, with an alarm that may be looked at any time"),
@@ -31,12 +32,31 @@ COMMANDS = {
     "alarms": ("alarms.Alarms", "false alarms and power of the verdicts, simulated"),
     "calibrate": ("calibrate.Calibrate", "search odds that bring robots near the paper's scores"),
     "detect": ("", "fit the detector to judgements, or judge services and issue scores"),
-    "bench": ("bench.Bench", "measure the speed of the environment and of an epoch"),
+    "study": ("", "ask people: check, preview and serve a study, export its answers"),
+    "replay": ("replay.Replay", "write services of a run as a page to watch and step through"),
+    "view": ("view.View", "watch a robot at work in the browser, live"),
+    "bench": ("bench.Bench", "measure speed: environment, epoch, audit and clips, beside others"),
 }
 DETECT = {
     "fit": ("detect.DetectFit", "fit the detector to a table of judgements"),
     "judge": ("detect.DetectJudge", "judge a table of services, or four issue scores"),
 }
+STUDY = {
+    "check": ("study.StudyCheck", "every mistake in a study's file, with its line"),
+    "new": ("study.StudyNew", "write the paper's study as a file to start from"),
+    "preview": ("study.StudyPreview", "walk through a study; nothing is kept"),
+    "serve": ("study.StudyServe", "run a study, with a dashboard for the lead"),
+    "backup": ("study.StudyBackup", "copy its database while it runs"),
+    "export": ("study.StudyExport", "write the answers as tables, with a codebook"),
+    "analyse": ("study_analyse.StudyAnalyse", "what the answers say, as a report"),
+    "fit": ("study_analyse.StudyFit", "fit the detector to the answers"),
+    "simulate": ("study_analyse.StudySimulate", "let simulated participants take a study"),
+}
+GROUPS = {
+    "detect": (DETECT, "The bias detector (Eq. 3)."),
+    "study": (STUDY, "The study: people watch robots and judge them."),
+}
+"""Commands that have commands of their own."""
 _HELP = ("-h", "--help", "help")
 _STOPPED = "stopped; what was finished is kept, the same command goes on from there"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -124,11 +144,12 @@ def _dispatch(words: list[str]) -> int:
         return 0
     table, program, kind = COMMANDS, "evenhand", "command"
     name, rest = words[0], words[1:]
-    if name == "detect":
+    if name in GROUPS:
+        table, sentence = GROUPS[name]
+        program, kind = f"evenhand {name}", f"command of {name}"
         if not rest or rest[0] in _HELP:
-            print(_overview("evenhand detect", "The bias detector (Eq. 3).", DETECT))
+            print(_overview(program, sentence, table))
             return 0
-        table, program, kind = DETECT, "evenhand detect", "command of detect"
         name, rest = rest[0], rest[1:]
     if name not in table:
         raise unknown(kind, name, table)
@@ -180,9 +201,10 @@ def parse(command: type, program: str, words: Sequence[str]) -> Any:
 def _complaints(command: type, words: Sequence[str]) -> Iterator[str]:
     """What is wrong with the words of a command, the surest thing first."""
     hints = get_type_hints(command)
+    extras = get_type_hints(command, include_extras=True)
     fields = {field.name: field for field in dataclasses.fields(command)}
     bare = [name for name, field in fields.items() if "Positional" in str(field.type)]
-    options = {f"--{name.replace('_', '-')}": name for name in fields if name not in bare}
+    options = {_option(name, extras[name]): name for name in fields if name not in bare}
     given: list[tuple[str, list[str]]] = [("", [])]
     for word in words:
         if re.match(r"--|-[a-zA-Z]", word) and word not in ("-inf", "-nan"):
@@ -204,6 +226,12 @@ def _complaints(command: type, words: Sequence[str]) -> Iterator[str]:
     for option, values in given[1:]:
         if len(values) > 1:
             yield f"too many words after {option}: {shlex.join(values)}"
+
+
+def _option(field: str, hint: Any) -> str:
+    """The option that sets a field, which may have been given another name."""
+    named = (getattr(extra, "name", None) for extra in getattr(hint, "__metadata__", ()))
+    return f"--{next(filter(None, named), field).replace('_', '-')}"
 
 
 def _wrong_values(option: str, values: list[str], hint: Any) -> Iterator[str]:

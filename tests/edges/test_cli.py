@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from evenhand.cli import COMMANDS, DETECT, parse
+from evenhand.cli import COMMANDS, GROUPS, parse
 from evenhand.errors import InputError
 from evenhand.experiments.settings import PRESETS
 from evenhand.guidance import GuidanceSettings
@@ -24,7 +24,11 @@ EVEN = ("evaluate", "--robot", "even")
 
 LEAVES = {
     **{(name,): room for name, (room, _) in COMMANDS.items() if room},
-    **{("detect", name): room for name, (room, _) in DETECT.items()},
+    **{
+        (group, name): room
+        for group, (table, _) in GROUPS.items()
+        for name, (room, _) in table.items()
+    },
 }
 
 
@@ -216,18 +220,27 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "compare", "audit", "watch", "example", "demos",
-        "alarms", "calibrate", "detect", "bench",
+        "reproduce", "train", "evaluate", "film", "compare", "audit", "watch", "example", "demos",
+        "alarms", "calibrate", "detect", "study", "replay", "view", "bench",
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("words", [("detect",), ("detect", "--help")])
-def test_the_overview_of_detect(cli, words):
-    shown = cli(*words)
+@pytest.mark.parametrize(
+    ("group", "names"),
+    [
+        ("detect", ["fit", "judge"]),
+        (
+            "study",
+            ["check", "new", "preview", "serve", "backup", "export", "analyse", "fit", "simulate"],
+        ),
+    ],
+)
+@pytest.mark.parametrize("more", [(), ("--help",)])
+def test_the_overview_of_a_group(cli, group, names, more):
+    shown = cli(group, *more)
     assert (shown.code, shown.err) == (0, "")
-    assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "fit", "judge",
-    ]  # fmt: skip
+    listed = [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")]
+    assert listed == names
 
 
 @pytest.mark.parametrize("words", LEAVES, ids=" ".join)
@@ -237,10 +250,12 @@ def test_help_explains_every_option(cli, words):
     assert shown.out.startswith(f"usage: evenhand {' '.join(words)} ")
     text = " ".join(shown.out.replace("│", " ").split())
     for field in fields(command_of(LEAVES[words])):
-        option = f"--{field.name.replace('_', '-')}"
+        option = f"--{field.name.replace('_', '-')}".replace("--run-folder", "--run")
         if "Positional" in str(field.type):
             log = "FILE" if words == ("example",) else "LOG"
-            option = {"run_folder": "RUN", "services": "FILE", "log": log}[field.name]
+            named = {"run_folder": "RUN", "services": "FILE", "file": "FILE", "log": log,
+                     "answers": "ANSWERS"}  # fmt: skip
+            option = named[field.name]
         # its line, then what it is: a sentence, and the default or that it must be given
         assert re.search(rf"{re.escape(option)} .{{0,60}}?[A-Z].{{12,}}?\.", text), option
     assert max(map(len, shown.out.split("╭")[1].splitlines()[1:])) <= 80

@@ -1,0 +1,1 @@
+"""The study on the web: pages and requests of participants, and the lead's dashboard."""
