@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from evenhand import report
+from evenhand import report, templates
 from evenhand.audits import figures, forms, words
 from evenhand.audits.phrases import (
     NOT_KNOWN,
@@ -84,16 +83,10 @@ def render(findings: Findings, about: About) -> str:
         findings: what the statistics gave.
         about: what was audited.
     """
-    environment = Environment(
-        loader=FileSystemLoader(_FOLDERS),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     verdict = findings.settings.verdict
-    return environment.get_template("card.html.j2").render(
+    return templates.fill(
+        "card.html.j2",
+        *_FOLDERS,
         title=shown(about.title),
         about=about,
         doubts=[shown(sentence) for sentence in about.doubts],

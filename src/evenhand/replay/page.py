@@ -7,10 +7,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from evenhand import __version__, files, issues
+from evenhand import __version__, files, issues, templates
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
 from evenhand.replay import looks, services
@@ -123,15 +122,9 @@ def render(content: dict[str, Any], script: str, title: str, note: str = "") -> 
         note: stands under the title; plain text.
     """
     limits = issues.Thresholds()
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("replay.html.j2").render(
+    return templates.fill(
+        "replay.html.j2",
+        _TEMPLATES,
         title=title,
         note=note,
         limits={

@@ -14,9 +14,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from evenhand import templates
 from evenhand.report import style, summary
 from evenhand.report.figures import Drawn
 from evenhand.report.inputs import Results
@@ -105,16 +105,8 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
 
 
 def fill(template: str, **context: Any) -> str:
-    """A page from one of the templates; a name that the context lacks is an error."""
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(**context)
+    """A page from one of the report's templates."""
+    return templates.fill(template, Path(__file__).parent / "templates", **context)
 
 
 def figure_context(drawn: Drawn) -> dict[str, Any]:

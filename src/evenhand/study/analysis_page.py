@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from evenhand import files, report
+from evenhand import files, report, templates
 from evenhand.report import figures, figures_compare, html
 from evenhand.report.html import Listing
 from evenhand.report.tables import NOT_DEFINED, Table, say, say_share
@@ -132,15 +131,9 @@ def render(
         source: where it comes from.
         drawn: figures of each part.
     """
-    environment = Environment(
-        loader=FileSystemLoader(_FOLDERS),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("analysis.html.j2").render(
+    return templates.fill(
+        "analysis.html.j2",
+        *_FOLDERS,
         manifest=manifest(found, source),
         title=found.study.title,
         known=found.known,

@@ -9,9 +9,9 @@ from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Cookie, Depends, Header, Request
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 
+from evenhand import templates
 from evenhand.study import numbers
 from evenhand.study.web import models
 from evenhand.study.web.desk import Desk
@@ -21,9 +21,7 @@ _HERE = Path(__file__).parent
 _FILES = {name: _HERE / "dashboard" / name for name in ("lead.css", "lead.js")}
 _KEPT = 2.0
 """Seconds for which numbers are kept, so that many dashboards cost what one does."""
-_PAGES = Environment(
-    loader=FileSystemLoader(_HERE / "templates"), autoescape=True, undefined=StrictUndefined
-)
+_TEMPLATES = _HERE / "templates"
 
 Session = Annotated[str, Cookie(alias=COOKIE)]
 
@@ -44,14 +42,14 @@ def router(desk: Desk) -> APIRouter:
         raise HTTPException(401, headers={"www-authenticate": "Bearer"})
 
     def form(status: int, sentence: str = "") -> Response:
-        page = _PAGES.get_template("login.html").render(study=desk.study, sentence=sentence)
+        page = templates.fill("login.html", _TEMPLATES, study=desk.study, sentence=sentence)
         return HTMLResponse(page, status)
 
     @found.get("")
     def dashboard(session: Session = "") -> Response:
         if not desk.logged_in(session):
             return form(200)
-        return HTMLResponse(_PAGES.get_template("lead.html").render(study=desk.study))
+        return HTMLResponse(templates.fill("lead.html", _TEMPLATES, study=desk.study))
 
     @found.post("/login")
     async def login(request: Request) -> Response:
