@@ -248,7 +248,7 @@ def test_a_password_is_never_echoed(cli, tmp_path):
     told = json.loads((tmp_path / "a.json").read_text())
     for text in (ended.out, ended.err, *((tmp_path / name).read_text() for name in ALL)):
         assert "threads=1" not in text  # an option may be a secret as well
-    assert told["command"].startswith(f"evenhand audit duckdb://{tmp_path}/log.duckdb --perm")
+    assert told["command"].startswith(f"evenhand audit duckdb://{tmp_path}/log.duckdb --out ")
 
 
 SECRET = "postgres://me:s3cret@127.0.0.1:1/db"
