@@ -131,9 +131,12 @@ def test_every_promised_file_is_there(whole):
     drawn = Counter(path.suffix for path in (whole / "figures").iterdir())
     assert set(drawn) == {".svg", ".pdf", ".csv"}
     assert min(drawn.values()) == max(drawn.values()) >= 8
+    links = re.findall(r'href="(replays/[^"]+)"', (whole / "report.html").read_text())
+    assert len(links) == 2  # one a preset
+    assert all((whole / link).read_text().startswith("<!") for link in links)
     assert sorted(path.name for path in whole.iterdir() if path.name != ".lock") == [
-        "claims.json", "data", "experiment.json", "figures", "manifest.json", "report.html",
-        "results.csv", "runs",
+        "claims.json", "data", "experiment.json", "figures", "manifest.json", "replays",
+        "report.html", "results.csv", "runs",
     ]  # fmt: skip
     assert not [path for path in whole.rglob("*") if path.suffix == ".part"]
 
