@@ -196,3 +196,16 @@ def content() -> Callable[[Path], dict[str, bytes]]:
         }
 
     return read
+
+
+@pytest.fixture(scope="session")
+def opengl(require):
+    """Skips where nothing can be drawn."""
+    from evenhand.errors import InputError
+    from evenhand.restaurant.screen import Screen
+
+    try:
+        Screen("room", 64, 48).close()
+    except InputError as error:
+        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
+        raise

@@ -21,16 +21,6 @@ from evenhand.restaurant.screen import Screen
 SMALL = (160, 120)
 
 
-@pytest.fixture(scope="module")
-def opengl(require):
-    """Skips where nothing can be drawn."""
-    try:
-        Screen("room", *SMALL).close()
-    except InputError as error:
-        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
-        raise
-
-
 @pytest.fixture
 def screen(opengl, request):
     made = Screen(getattr(request, "param", "room"), *SMALL)

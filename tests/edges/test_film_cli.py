@@ -8,23 +8,11 @@ from dataclasses import replace
 import pytest
 
 from evenhand import detector_io
-from evenhand.errors import InputError
 from evenhand.learn import run
 from evenhand.learn.settings import settings_of
-from evenhand.restaurant.screen import Screen
 
 ROBOT = ("film", "--robot", "even", "--services", "3")
 SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=2), people=3)
-
-
-@pytest.fixture(scope="module")
-def opengl(require):
-    """Skips where nothing can be drawn."""
-    try:
-        Screen("room", 64, 48).close()
-    except InputError as error:
-        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
-        raise
 
 
 def execute(folder, recorded):

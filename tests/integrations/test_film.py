@@ -11,23 +11,11 @@ import pytest
 from gymnasium.wrappers import RecordVideo, RenderCollection
 
 from evenhand import bench_film, detector_io, registration
-from evenhand.errors import InputError
 from evenhand.film import encoder
 from evenhand.learn import run
 from evenhand.learn.settings import settings_of
-from evenhand.restaurant.screen import Screen
 
-pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module", autouse=True)
-def opengl(require):
-    """Skips where nothing can be drawn."""
-    try:
-        Screen("room", 64, 48).close()
-    except InputError as error:
-        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
-        raise
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("opengl")]
 
 
 def pictures(path, size=(320, 240)):

@@ -4,20 +4,8 @@ import numpy as np
 import pytest
 
 from evenhand import people, robots
-from evenhand.errors import InputError
 from evenhand.film import sources
 from evenhand.restaurant import layout
-from evenhand.restaurant.screen import Screen
-
-
-@pytest.fixture(scope="session")
-def opengl(require):
-    """Skips where nothing can be drawn."""
-    try:
-        Screen("room", 64, 48).close()
-    except InputError as error:
-        require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
-        raise
 
 
 @pytest.fixture(scope="session")
