@@ -10,6 +10,7 @@ import ibis
 import numpy as np
 import pyarrow as pa
 
+from evenhand.audits.arrays import floats, integers
 from evenhand.audits.expressions import Facts, Reading, facts
 from evenhand.audits.mapping import DISTANCES, TIMES, Mapping
 from evenhand.audits.sources import Source
@@ -121,13 +122,13 @@ def check(source: Source, mapping: Mapping, read: Facts, counted: pa.Table) -> t
     Raises:
         InputError: for the first cell that is no fact, with its row and value.
     """
-    if counted["wrong"].to_numpy().any():
+    if floats(counted["wrong"]).any():
         refuse_wrong(source, mapping, read)
         raise changed(source)
-    n, warnings = counted["n"].to_numpy(), []
+    n, warnings = integers(counted["n"]), []
     for role, reading in read.readings.items():
         if role in TIMES or role in DISTANCES:
-            side = counted[role].to_numpy()
+            side = floats(counted[role])
             half = n[~np.isnan(side)].sum() / 2
             for which, size in ((1, "more"), (-1, "less")):
                 if n[side == which].sum() > half:

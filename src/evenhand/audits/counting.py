@@ -16,6 +16,7 @@ import pyarrow as pa
 from ibis.expr import types as ir
 
 from evenhand.audits import checking, expressions
+from evenhand.audits.arrays import floats, integers
 from evenhand.audits.expressions import GRID, Facts, facts
 from evenhand.audits.groups import bin_names, ordered, text_of
 from evenhand.audits.mapping import Mapping
@@ -77,7 +78,7 @@ def tally(source: Source, mapping: Mapping, alone: bool = False) -> tuple[Tally,
         checking.refuse_wrong(source, mapping, read)
         raise
     warnings = checking.check(source, mapping, read, counted)
-    n = counted["n"].to_numpy()
+    n = integers(counted["n"])
     _check_total(source, checked.services, int(n.sum()))
 
     codes, identities = [], []
@@ -187,7 +188,7 @@ def _distinct(column: pa.ChunkedArray) -> tuple[list[Any], np.ndarray]:
     coded = column.combine_chunks().dictionary_encode(null_encoding="encode")
     if isinstance(coded, pa.ChunkedArray):
         coded = coded.combine_chunks()
-    return coded.dictionary.to_pylist(), coded.indices.to_numpy(zero_copy_only=False)
+    return coded.dictionary.to_pylist(), integers(coded.indices)
 
 
 @dataclass(frozen=True)
@@ -255,8 +256,7 @@ def _truth(counted: pa.Table, name: str) -> np.ndarray:
     """1, 0 or NaN for true, false or null; NaN everywhere without the column."""
     if name not in counted.column_names:
         return np.full(counted.num_rows, np.nan)
-    column = counted[name].combine_chunks().cast(pa.int8()).cast(pa.float64())
-    return column.to_numpy(zero_copy_only=False)
+    return floats(counted[name])
 
 
 def _merged(rows: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -284,15 +284,19 @@ def _waits(
     if found is None:
         return None
     identities = {name: keys.columns[name] for name in keys.identities}
-    # one small number instead of two columns: groups are many here, and told apart faster
-    both = (found[0] * 2 + ibis.ifelse(found[1], 1, 0)).cast("int16")
-    counted = _count(source, {**identities, "both": both})
-    counted = counted.filter(counted["both"].is_valid())
-    if not counted.num_rows:
+    counted = _count(source, {**identities, **found})
+    step, responses = expressions.ended(
+        floats(counted["step"]),
+        _truth(counted, "late"),
+        _truth(counted, "short"),
+        _truth(counted, "responded") if "responded" in found else None,
+        mapping.waited is not None,
+    )
+    known = ~np.isnan(step)
+    if not known.any():
         return None
-    step, ended = np.divmod(counted["both"].to_numpy(), 2)
-    told = np.column_stack([lookup.codes(counted), step, ended])
-    rows, n = _merged(told.astype(float), counted["n"].to_numpy())
+    told = np.column_stack([lookup.codes(counted), step, responses])[known]
+    rows, n = _merged(told, integers(counted["n"])[known])
     d = len(lookup.identities)
     return Waits(
         codes=rows[:, :d].astype(np.int64),
@@ -322,15 +326,14 @@ def _values(
         step = ibis.greatest(ibis.least(step, 100.0 * FINE), -100.0 * FINE)
         counted = _count(source, {**keys.columns, "step": step}, total=value)
         counted = counted.filter(counted["step"].is_valid())
-        steps, n = counted["step"].to_numpy(), counted["n"].to_numpy()
+        steps, n = floats(counted["step"]), integers(counted["n"])
         _, at = np.unique(steps, return_inverse=True)
         # one value a step, the mean of all services in it, so that the mean of the log stays exact
-        means = np.bincount(at, counted["total"].to_numpy()) / np.bincount(at, n)
-        number = means[at]
+        number = (np.bincount(at, floats(counted["total"])) / np.bincount(at, n))[at]
     else:
         counted = _count(source, {**keys.columns, "value": value})
         counted = counted.filter(counted["value"].is_valid())
-        number, n = counted["value"].to_numpy(), counted["n"].to_numpy()
+        number, n = floats(counted["value"]), integers(counted["n"])
     stratum = np.zeros(counted.num_rows, np.int64)
     if keys.strata:
         place = {name: i for i, name in enumerate(strata)}

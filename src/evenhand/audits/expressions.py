@@ -11,6 +11,7 @@ from fractions import Fraction
 from typing import Any
 
 import ibis
+import numpy as np
 from ibis.expr import types as ir
 
 from evenhand.audits.mapping import STEP, Mapping
@@ -221,38 +222,70 @@ def binned(value: Any, edges: tuple[float, ...]) -> Any:
     return ibis.ifelse(value.isnull(), ibis.null("int64"), code.cast("int64"))
 
 
-def waiting(read: Facts, mapping: Mapping) -> tuple[Any, Any] | None:
-    """(step, whether it ended with a response there); step is null where nothing is known.
+def waiting(read: Facts, mapping: Mapping) -> dict[str, Any] | None:
+    """What services are counted by for waiting; None where the log lacks times.
 
-    Without a response people waited as long as the log says, else until the limit: at least so
-    long is known only then, and it is censored there. None where the log lacks times.
+    Comparisons and one rounding only: an engine is slow at cases within cases. ``ended`` makes
+    of the counts how long people waited.
+
+    Returns:
+        ``step``, time in whole steps, rounded up; ``late`` and ``short``, whether it is beyond the
+        limit and whether it is told apart; ``responded`` where the log has that. Without a
+        response the time is how long people waited, null unless the log says it.
     """
     time, responded = read.value("response_time"), read.value("responded")
     if time is None:
         return None
-    unit = mapping.seconds("response_time")
-    step, short = _step(time, unit, mapping)
+    found = _step(time, mapping.seconds("response_time"), mapping)
     if responded is None:
-        return step, short
+        return found
     waited = read.value("waited")
-    left: Any = ibis.literal(GRID)
     if waited is not None:
-        left = _step(waited, mapping.seconds("waited"), mapping)[0].coalesce(GRID)
-    steps = ibis.cases((responded, step), (~responded, left))
-    return steps, responded & short
+        left = _step(waited, mapping.seconds("waited"), mapping)
+        found = {name: ibis.ifelse(responded, found[name], left[name]) for name in found}
+    return {**found, "responded": responded}
 
 
-def _step(value: Any, unit: Fraction, mapping: Mapping) -> tuple[Any, Any]:
-    """Time in whole steps, rounded up, and whether it is short enough to be told apart."""
+def _step(value: Any, unit: Fraction, mapping: Mapping) -> dict[str, Any]:
     late = Fraction(repr(mapping.thresholds.late)) * STEP
     limit, most = float(late / unit), float(2 * late / unit)
     # a millionth of a step makes up for numbers such as 0.14, which is a little more as a double
-    short: Any = ibis.least(value, most)
-    scaled = (short * float(GRID * unit / late) - 1e-6).ceil().cast("int64")
-    step = ibis.ifelse(
-        value > limit, ibis.greatest(scaled, GRID + 1), ibis.least(ibis.greatest(scaled, 0), GRID)
-    )
-    return ibis.ifelse(value.isnull(), ibis.null("int64"), step), value <= most
+    near: Any = ibis.least(value, most)
+    scaled = near * float(GRID * unit / late) - 1e-6
+    # some engines take the least of a number and nothing for the number
+    step = ibis.ifelse(value.isnull(), ibis.null("int16"), scaled.ceil().cast("int16"))
+    return {"step": step, "late": value > limit, "short": value <= most}
+
+
+def ended(
+    step: np.ndarray,
+    late: np.ndarray,
+    short: np.ndarray,
+    responded: np.ndarray | None,
+    says_waited: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Step at which waiting ended, and whether by a response, from what ``waiting`` counted by.
+
+    Without a response people waited as long as the log says, else until the limit: at least so
+    long is known only then, and it is censored there.
+
+    Args:
+        step: whole steps, NaN where not known, [C].
+        late: 1, 0 or NaN, [C].
+        short: 1, 0 or NaN, [C].
+        responded: 1, 0 or NaN, [C]; None where the log has times alone.
+        says_waited: whether the log tells how long people waited without response.
+
+    Returns:
+        Steps, NaN where nothing is known, and responses, bool; [C] each.
+    """
+    inner = np.clip(step, 0, GRID)
+    steps = np.where(late == 1.0, np.maximum(step, GRID + 1), inner)
+    if responded is None:
+        return steps, short == 1.0
+    left = np.where(np.isnan(steps), GRID, steps) if says_waited else np.full(len(step), GRID)
+    steps = np.where(responded == 1.0, steps, np.where(responded == 0.0, left, np.nan))
+    return steps, (responded == 1.0) & (short == 1.0)
 
 
 def _beyond(value: Any) -> Any:

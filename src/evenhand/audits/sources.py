@@ -12,6 +12,7 @@ import glob
 import hashlib
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,8 @@ KINDS = {
     ".duckdb": "DuckDB",
 }
 """Endings of files and what they hold."""
+
+BINARY = ("Parquet", "Arrow")
 
 HASHED = 256_000_000
 """A single file up to so many bytes is described by its SHA-256."""
@@ -186,8 +189,12 @@ def _from_files(text: str, table: str | None) -> Source:
     if table is not None:
         raise InputError(f"{text} holds one table: leave out the name {table!r}")
     stamps = tuple(_stamp(path) for path in paths)
-    con = engine()
-    parts, rows, digest = READERS[kind](con, paths)
+    size = sum(size for _, size, _ in stamps)
+    described = len(paths) == 1 and size <= HASHED
+    with ThreadPoolExecutor(1) as aside:
+        # texts are read through anyway, and described then
+        hashed = aside.submit(_digest, paths[0]) if described and kind in BINARY else None
+        parts, rows, digest = READERS[kind](engine(), paths)
     names = set(parts[0].table.columns)
     for part in parts[1:]:
         for name in sorted(names ^ set(part.table.columns)):
@@ -196,10 +203,9 @@ def _from_files(text: str, table: str | None) -> Source:
                 f"{lacking.name} has no column {name!r}, which {other.name} has: give files of the "
                 "same columns"
             )
-    size = sum(size for _, size, _ in stamps)
     description: dict[str, Any] = {"kind": kind, "files": len(paths), "rows": rows, "bytes": size}
-    if len(paths) == 1 and size <= HASHED:
-        description["sha256"] = digest or _digest(paths[0])
+    if described:
+        description["sha256"] = hashed.result() if hashed else digest
     return Source(_together(parts), text, description, tuple(parts), rows, stamps)
 
 
@@ -269,8 +275,11 @@ def _stamp(path: Path) -> tuple[Path, int, int]:
 
 
 def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def _from_duckdb(paths: list[Path], table: str | None) -> Source:
