@@ -1,7 +1,7 @@
 # Evenhand. `make` alone says what there is.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test check bench lock clean
+.PHONY: help reproduce test check bench docs lock clean
 
 BIN := .venv/bin
 # The environment with everything in it, and the page that is built with it.
@@ -37,12 +37,16 @@ check: $(READY) ## format, lint, types, imports, spelling, house rules
 bench: $(READY) ## measure speed: environment, epoch, audit and clips (ARGS=--json)
 	$(BIN)/evenhand bench $(ARGS)
 
+docs: $(READY) ## build the documentation site, every warning an error
+	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
+	@echo "documentation: $(abspath docs/_build)/index.html"
+
 lock: ## write the versions of .venv into constraints.txt
 	$(BIN)/pip freeze --exclude-editable --exclude evenhand --exclude pip --exclude setuptools \
 		> constraints.txt
 
 clean: ## remove .venv, caches and builds; results in out/ stay
-	rm -rf .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist \
+	rm -rf docs/_build .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist \
 		frontend/node_modules src/evenhand/replay/static
 	find src tests -name __pycache__ -prune -exec rm -rf {} +
 
