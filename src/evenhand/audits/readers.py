@@ -40,7 +40,10 @@ class Part:
 
 def engine(database: str = ":memory:", read_only: bool = False) -> Any:
     """The embedded engine, an Ibis backend of DuckDB that leaves the machine to others."""
-    return ibis.duckdb.connect(database, read_only=read_only, threads=THREADS, memory_limit=MEMORY)
+    con = ibis.duckdb.connect(database, read_only=read_only, threads=THREADS, memory_limit=MEMORY)
+    # else a query of more than two seconds draws itself into what the command says
+    con.con.execute("set enable_progress_bar_print = false")
+    return con
 
 
 def registered(con: Any, at: str, frame: pa.Table, name: str) -> ir.Table:

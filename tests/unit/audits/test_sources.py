@@ -14,6 +14,7 @@ import pytest
 from evenhand.audits import databases
 from evenhand.audits.counting import tally
 from evenhand.audits.mapping import Mapping
+from evenhand.audits.readers import engine
 from evenhand.audits.sources import open_source
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
@@ -215,3 +216,10 @@ def test_a_frame_of_mixed_types_is_refused():
         open_source(pd.DataFrame({"a": [1, "x", 2.5]}))
     with pytest.raises(InputError, match="cannot be read from int"):
         open_source(3)
+
+
+def test_a_long_query_draws_no_progress_into_what_a_command_says(capfd):
+    con = engine()
+    con.con.execute("set progress_bar_time = 0")
+    assert con.con.sql("select count(*) from range(20_000_000)").to_arrow_table().num_rows == 1
+    assert capfd.readouterr() == ("", "")
