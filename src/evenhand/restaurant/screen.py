@@ -75,7 +75,7 @@ class Screen:
         # the renderer allots its buffer by these numbers: no more than is needed
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         # facets of round things: as few as the eye forgives at this size
-        facets = round((12 if camera == "room" else 16) * min(max(height / 480, 1.0), 2.0) / 2)
+        facets = round(6 * min(max(height / 480, 1.0), 2.0))
         quality = self._model.vis.quality
         quality.numslices, quality.numstacks, quality.numquads = 2 * facets, facets, 1
         quality.offsamples = 4 if smooth else 0
