@@ -4,9 +4,9 @@ SHELL := /bin/bash
 .PHONY: help reproduce test check bench docs lock clean
 
 BIN := .venv/bin
-# The environment with everything in it, and the page that is built with it.
+# The environment with everything in it, and the last of the pages that are built with it.
 INSTALLED := .venv/.ready
-READY := src/evenhand/replay/static/replay.js
+READY := src/evenhand/study/static/study.js
 OUT ?= out/reproduce
 # Anything else for the command: make reproduce ARGS="--seeds 2"
 ARGS ?=
@@ -47,7 +47,7 @@ lock: ## write the versions of .venv into constraints.txt
 
 clean: ## remove .venv, caches and builds; results in out/ stay
 	rm -rf docs/_build .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist \
-		frontend/node_modules src/evenhand/replay/static
+		frontend/node_modules src/evenhand/replay/static src/evenhand/study/static
 	find src tests -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): $(INSTALLED) $(shell find frontend -maxdepth 1 -type f) $(shell find frontend/src -type f)

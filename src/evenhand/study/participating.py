@@ -73,10 +73,14 @@ def begin(
     consent_version: str,
     ids: Mapping[str, str] | None = None,
     *,
+    token: str | None = None,
     simulated: bool = False,
     preview: bool = False,
 ) -> tuple[str, State]:
     """A new participant, with the order that is least filled.
+
+    A browser can make the token itself and send it along. Then it can send the same again when it
+    heard no answer: who has begun with it is found, and nobody begins twice.
 
     Filled by those who have finished or were seen within the last hour; real participants,
     simulated ones and previews are counted apart. Ids of a platform are not stored of previews.
@@ -86,6 +90,7 @@ def begin(
         study: the study.
         consent_version: the one that was agreed to.
         ids: PROLIFIC_PID, STUDY_ID, SESSION_ID, as far as given.
+        token: of the browser's making, 256 random bits; one is made here when None.
         simulated: marked so for ever.
         preview: likewise.
 
@@ -93,19 +98,24 @@ def begin(
         The token, which is told this once and stored nowhere, and the state.
 
     Raises:
-        RefusalError: "closed", "other-consent", or "already-begun" for the same PROLIFIC_PID and
-            STUDY_ID.
+        RefusalError: "closed", "other-consent", "withdrawn" for a token of the browser's, or
+            "already-begun" for the same PROLIFIC_PID and STUDY_ID.
         StorageError: nothing was stored.
     """
     if consent_version != study.consent_version:
         raise RefusalError(
             "other-consent", "The consent text has changed: reload the page and read it."
         )
-    token, now = secrets.token_urlsafe(32), store.now()
+    given, now = token, store.now()
+    token = given or secrets.token_urlsafe(32)
     with store.write() as connection:
+        store.one_at_a_time(connection)
+        if given and (known := _known(connection, given)):
+            if known["status"] == "withdrawn":
+                raise _gone()
+            return given, _state_of(connection, store, study, known)
         if read_note(connection, "closed") == "yes":
             raise _closed()
-        store.one_at_a_time(connection)
         order = _least_filled(connection, study, now, simulated, preview)
         name = _unused_name(connection)
         connection.execute(
@@ -147,16 +157,7 @@ def state(store: Store, study: Protocol, token: str) -> State:
         RefusalError: "unknown-token" or "withdrawn".
     """
     with store.read() as connection:
-        who = find(connection, token)
-        done = _answered(connection, who["participant"])
-        asked = (
-            select(answers.c.page, func.count())
-            .where(answers.c.participant == who["participant"])
-            .group_by(answers.c.page)
-        )
-        counts: dict[str, int] = {row[0]: row[1] for row in connection.execute(asked)}
-    told = {page: counts.get(page, 0) for page in done}
-    return _state(store.pages(study, who["order_number"]), told, who["status"] == "finished")
+        return _state_of(connection, store, study, find(connection, token))
 
 
 def save(store: Store, study: Protocol, token: str, page_id: str, sent: Sent) -> tuple[str, bool]:
@@ -265,13 +266,21 @@ def find(
     Raises:
         RefusalError: "unknown-token" or "withdrawn".
     """
-    asked = select(participants).where(participants.c.token == hashed(token))
-    row = connection.execute(asked.with_for_update() if lock else asked).mappings().first()
+    row = _known(connection, token, lock=lock)
     if row is None:
         raise RefusalError("unknown-token", "This link is not known here: begin the study anew.")
     if row["status"] == "withdrawn" and not withdrawn:
-        raise RefusalError("withdrawn", "You have withdrawn; your answers are deleted.")
+        raise _gone()
     return row
+
+
+def _known(connection: Connection, token: str, *, lock: bool = False) -> RowMapping | None:
+    asked = select(participants).where(participants.c.token == hashed(token))
+    return connection.execute(asked.with_for_update() if lock else asked).mappings().first()
+
+
+def _gone() -> RefusalError:
+    return RefusalError("withdrawn", "You have withdrawn; your answers are deleted.")
 
 
 def _answered(connection: Connection, name: str) -> dict[str, tuple[str, str]]:
@@ -282,6 +291,18 @@ def _answered(connection: Connection, name: str) -> dict[str, tuple[str, str]]:
 
 def _next(all_pages: list[dict[str, Any]], done: Mapping[str, Any]) -> str:
     return next(page["id"] for page in all_pages[1:] if page["id"] not in done)
+
+
+def _state_of(connection: Connection, store: Store, study: Protocol, who: RowMapping) -> State:
+    done = _answered(connection, who["participant"])
+    asked = (
+        select(answers.c.page, func.count())
+        .where(answers.c.participant == who["participant"])
+        .group_by(answers.c.page)
+    )
+    counts: dict[str, int] = {row[0]: row[1] for row in connection.execute(asked)}
+    told = {page: counts.get(page, 0) for page in done}
+    return _state(store.pages(study, who["order_number"]), told, who["status"] == "finished")
 
 
 def _state(all_pages: list[dict[str, Any]], told: dict[str, int], finished: bool) -> State:

@@ -81,6 +81,20 @@ def _told(error: urllib.error.HTTPError) -> str:
         return f"status {error.code}"
 
 
+def meet(server: Server, study: Protocol) -> dict[str, Any]:
+    """What the server says about its study.
+
+    Raises:
+        InputError: when it has another study, or does not answer.
+    """
+    about = server.ask("GET", "/study")
+    if about["name"] != study.name:
+        raise InputError(
+            f"{server.url} runs study {about['name']!r}, not {study.name!r}: give its protocol"
+        )
+    return about
+
+
 def take(
     server: Server,
     study: Protocol,
@@ -105,11 +119,7 @@ def take(
     Raises:
         InputError: when the server has another study or refuses.
     """
-    about = server.ask("GET", "/study")
-    if about["name"] != study.name:
-        raise InputError(
-            f"{server.url} runs study {about['name']!r}, not {study.name!r}: give its protocol"
-        )
+    about = meet(server, study)
     recruiting, *own = np.random.default_rng(seed).spawn(n + 1)
     crowd = recruit(n, recruiting, habits)
     finished = 0

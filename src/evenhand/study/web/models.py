@@ -42,6 +42,7 @@ class Begin(Strict):
 
     consent_version: Annotated[str, StringConstraints(min_length=1, max_length=40)]
     external: Platform | None = None
+    token: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]{43}$")] | None = None
     simulated: bool = False
     preview: bool = False
 
@@ -86,6 +87,7 @@ class Study(BaseModel):
     contact: str
     consent: Consent
     pages_total: int
+    preview: bool
 
 
 class StateTold(BaseModel):

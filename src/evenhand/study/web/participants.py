@@ -62,18 +62,19 @@ def router(desk: Desk) -> APIRouter:
             contact=study.contact,
             consent=models.Consent(version=study.consent_version, text=study.consent),
             pages_total=len(orders.pages(study, 0)),
+            preview=desk.settings.preview,
         )
 
     @found.post(
         "/begin",
         status_code=201,
-        responses=_errors(400, 403, 409, 413, 422),
+        responses=_errors(400, 403, 409, 410, 413, 422),
         dependencies=[Depends(counted)],
     )
     def begin(
         sent: models.Begin, x_evenhand_simulated: Annotated[str | None, Header()] = None
     ) -> models.Begun:
-        """Agree, and get a token and the pages."""
+        """Agree, and get a token and the pages. With a token of its own a browser can ask again."""
         gate(gate.begin)
         # said twice and allowed, or not at all: no simulated row may pass for a real one
         signs = (sent.simulated, bool(x_evenhand_simulated), desk.settings.simulated)
@@ -89,6 +90,7 @@ def router(desk: Desk) -> APIRouter:
             study,
             sent.consent_version,
             ids,
+            token=sent.token,
             simulated=sent.simulated,
             preview=sent.preview or desk.settings.preview,
         )

@@ -14,12 +14,12 @@ const said = document.getElementById("said");
 const button = document.getElementById("close");
 let closed = false;
 
-function table(caption, heads, rows) {
+function table(section, caption, heads, rows) {
   const wide = document.createElement("div");
   wide.className = "wide";
   wide.tabIndex = 0;
   wide.setAttribute("role", "region");
-  wide.setAttribute("aria-label", caption);
+  wide.setAttribute("aria-label", `${section.firstElementChild.textContent}: ${caption}`);
   const made = wide.appendChild(document.createElement("table"));
   made.createCaption().textContent = caption;
   const head = made.createTHead().insertRow();
@@ -46,19 +46,19 @@ function show(section, told) {
   const heads = STATES.map((state) => WORDS[state]);
   const counts = (of) => STATES.map((state) => of[state]);
   section.append(
-    table("By order of the sets", ["order", ...heads], [
+    table(section, "By order of the sets", ["order", ...heads], [
       ["all", ...counts(told.counts)],
       ...told.orders.map((one) => [one.order, ...counts(one)]),
     ]),
-    table("Time", ["span", "median, minutes", "of n who finished"], [
+    table(section, "Time", ["span", "median, minutes", "of n who finished"], [
       ["from beginning to end", told.minutes.median, told.minutes.n],
     ]),
   );
   if (told.checks.length) {
-    section.append(table("Attention checks", ["check", "answered", "failed"],
+    section.append(table(section, "Attention checks", ["check", "answered", "failed"],
       told.checks.map((one) => [one.check, one.answered, one.failed])));
   }
-  section.append(table("Agreement over the sets", ["question", "Krippendorff's alpha", "answers"],
+  section.append(table(section, "Agreement over the sets", ["question", "Krippendorff's alpha", "answers"],
     told.agreement.map((one) => [one.question, one.alpha, one.answers])));
 }
 
