@@ -288,11 +288,7 @@ def influence_reward(
     settings = settings or CreditSettings()
     weights = _checked_tau(x, tau)
     counts, now = _checked_counts(x, inside, counts)
-    pushes = push(counts, settings)
-    having, centred = _slopes(x, inside, counts, now, charged=True)
-    widens = _mean_over_groups(pushes, having) > 0.0
-    guarded = np.where(widens, _mean_over_groups(pushes, centred), 0.0)
-    return -settings.strength * len(x) * (guarded @ weights)
+    return influence_pays(x, inside, weights, counts, now, len(x), settings)
 
 
 def levelup_reward(
@@ -313,6 +309,33 @@ def levelup_reward(
     settings = settings or CreditSettings()
     weights = _checked_tau(x, tau)
     counts, _ = _checked_counts(x, inside, counts)
+    return levelup_pays(x, inside, weights, counts, settings)
+
+
+def influence_pays(
+    x: np.ndarray,
+    inside: np.ndarray,
+    weights: np.ndarray,
+    counts: Counts,
+    now: Counts,
+    services: int,
+    settings: CreditSettings,
+) -> np.ndarray:
+    """What `influence_reward` pays, [n], from checked arguments.
+
+    Gaps and rates are those of ``counts``, numbers of a window those of ``now``.
+    """
+    pushes = push(counts, settings)
+    having, centred = _slopes(x, inside, counts, now, charged=True)
+    widens = _mean_over_groups(pushes, having) > 0.0
+    guarded = np.where(widens, _mean_over_groups(pushes, centred), 0.0)
+    return -settings.strength * services * (guarded @ weights)
+
+
+def levelup_pays(
+    x: np.ndarray, inside: np.ndarray, weights: np.ndarray, counts: Counts, settings: CreditSettings
+) -> np.ndarray:
+    """What `levelup_reward` pays, [n], from checked arguments and the gaps of ``counts``."""
     worse = np.maximum(signed_gaps(counts), 0.0) * beyond_noise(counts, settings.shrink)
     cost = np.nan_to_num(inside) @ np.nan_to_num(worse)
     return -settings.strength * ((cost * np.nan_to_num(x, nan=1.0)) @ weights)

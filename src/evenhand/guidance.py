@@ -87,36 +87,41 @@ def guided(kind: str, strength: float | None = None, **others: Any) -> GuidanceS
     return GuidanceSettings(kind, weigh=CreditSettings(strength=chosen), **others)  # type: ignore[arg-type]
 
 
-def check_tau(tau: Sequence[float]) -> np.ndarray:
+def check_tau(tau: Sequence[float] | np.ndarray, issues: int = 4) -> np.ndarray:
     """Weights of the issues as an array.
 
+    Args:
+        tau: the weights.
+        issues: how many there are; the paper's four by default.
+
     Raises:
-        InputError: for another number than four, or for negative or non-finite weights, or none
-            above 0.
+        InputError: for another number than that of the issues, or for negative or non-finite
+            weights, or none above 0.
     """
     weights = np.asarray(tau, float)
-    if weights.shape != (4,) or not np.isfinite(weights).all() or (weights < 0).any():
-        raise InputError(f"tau is {tuple(tau)}: give four finite numbers of at least 0")
+    if weights.shape != (issues,) or not np.isfinite(weights).all() or (weights < 0).any():
+        many = "four" if issues == 4 else issues
+        raise InputError(f"tau is {tuple(tau)}: give {many} finite numbers of at least 0")
     if not weights.any():
         raise InputError("tau is 0 for every issue: give at least one issue a weight")
     return weights
 
 
-def evenness_reward(score: np.ndarray, tau: Sequence[float]) -> np.ndarray:
+def evenness_reward(score: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.ndarray:
     """Eq. 4: R = sum over issues of tau (1 - I).
 
     A component that Eq. 1 cannot say is left out and the others are scaled up to the same
     greatest reward, so that a missing score neither pays nor costs.
 
     Args:
-        score: I, [..., 4], NaN where missing.
+        score: I, [..., K], NaN where missing.
         tau: weights of the issues.
 
     Returns:
         R, [...], in [0, sum of tau]; half of the greatest reward where every component is
         missing, for nothing is known.
     """
-    weights = check_tau(tau)
+    weights = check_tau(tau, np.shape(score)[-1])
     known = ~np.isnan(score)
     present = (known * weights).sum(axis=-1)
     earned = np.where(known, weights * (1.0 - score), 0.0).sum(axis=-1)
@@ -129,6 +134,7 @@ def person_rewards(
     inside: np.ndarray,
     biased: bool,
     settings: GuidanceSettings,
+    tau: Sequence[float] | np.ndarray | None = None,
 ) -> np.ndarray:
     """R_t for every person of an epoch (Eq. 4, and Eq. 5 when the detector says biased).
 
@@ -137,6 +143,7 @@ def person_rewards(
         inside: membership of the people, [n, G].
         biased: the detector's verdict on the epoch.
         settings: which reward; what is not of Eq. 4 gives 0.
+        tau: weight of each issue where they are not the paper's four; else that of the settings.
 
     Returns:
         [n].
@@ -148,7 +155,7 @@ def person_rewards(
         score = issues.own_groups_score(scores.gap, inside)
     else:
         score = np.broadcast_to(scores.overall, (n, len(scores.overall)))
-    reward = evenness_reward(score, settings.tau)
+    reward = evenness_reward(score, settings.tau if tau is None else tau)
     if settings.kind == "penalty" and biased:
         reward = settings.penalty * reward
     return reward

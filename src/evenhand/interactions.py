@@ -1,7 +1,8 @@
 """Interactions: one row a service, raw facts only. The currency between world and judgement.
 
-Two kinds of columns: identities (any number, named, categorical) and facts. Columns that a log
-lacks are absent; cells that a row lacks are null. Issues are never stored, they are derived.
+Two kinds of columns: identities (any number, named, categorical) and facts: those of the house
+(``FACTS``) and own ones, declared with their type. Columns that a log lacks are absent; cells that
+a row lacks are null. Issues are never stored, they are derived.
 """
 
 from __future__ import annotations
@@ -18,26 +19,11 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
+from evenhand.columns import FACTS, categorical, fact_column, kinds_of, note_of, own_of, without_nan
 from evenhand.errors import InputError, unknown
 
-FACTS: dict[str, pa.DataType] = {
-    "epoch": pa.int32(),
-    "service": pa.int64(),
-    "scenario": pa.string(),
-    "robot": pa.string(),
-    "responded": pa.bool_(),
-    "response_step": pa.int32(),
-    "response_distance": pa.float64(),
-    "min_distance": pa.float64(),
-    "steps": pa.int32(),
-    "start_distance": pa.float64(),
-    "path_length": pa.float64(),
-    "contact_steps": pa.int32(),
-    "sensed_error": pa.float64(),
-}
-"""Facts and their types; distances in metres, times in physics steps of 0.02 s."""
-
-_IDENTITIES_KEY = b"evenhand.identities"
+_IDENTITIES_KEY, _OWN_KEY = b"evenhand.identities", b"evenhand.own_facts"
+_NONE: Mapping[str, pa.DataType] = {}
 
 
 class Interactions:
@@ -46,43 +32,52 @@ class Interactions:
     Build one with :meth:`build`, :meth:`from_arrow`, :meth:`read_parquet` or :meth:`read_csv`.
     """
 
-    __slots__ = ("_identities", "_table")
+    __slots__ = ("_identities", "_own", "_table")
 
-    def __init__(self, table: pa.Table, identities: Sequence[str]) -> None:
+    def __init__(
+        self,
+        table: pa.Table,
+        identities: Sequence[str],
+        own: Mapping[str, pa.DataType] = _NONE,
+    ) -> None:
         """Wrap a table whose columns are checked.
 
         Args:
-            table: identity columns of dictionary type and fact columns of ``FACTS``.
+            table: identity columns of dictionary type, and fact columns.
             identities: names of the identity columns.
+            own: types of facts that ``FACTS`` does not hold, see ``OWN_TYPES``.
 
         Raises:
             InputError: for a missing, unknown, repeated, or wrongly typed column.
         """
+        kinds = kinds_of(own)
         schema = table.schema
         types = dict(zip(schema.names, schema.types, strict=True))
         if len(types) < len(schema):
             twice = next(name for name in types if schema.names.count(name) > 1)
             raise InputError(f"column {twice!r} stands there twice: rename or drop one")
         for name in identities:
-            if name in FACTS:
+            if name in kinds:
                 raise InputError(f"identity {name!r} has the name of a fact: rename the column")
             if name not in types:
                 raise InputError(f"no column {name!r}: the identities named are {list(identities)}")
             if not pa.types.is_dictionary(types.pop(name)):
                 raise InputError(f"identity column {name!r} is not categorical")
         for name, kind in types.items():
-            if name not in FACTS:
-                raise unknown("fact", name, FACTS)
-            if kind != FACTS[name]:
-                raise InputError(f"column {name!r} holds {kind}, expected {FACTS[name]}")
+            if name not in kinds:
+                raise unknown("fact", name, kinds)
+            if kind != kinds[name]:
+                raise InputError(f"column {name!r} holds {kind}, expected {kinds[name]}")
         self._table = table
         self._identities = tuple(identities)
+        self._own = {name: kind for name, kind in own.items() if name not in FACTS}
 
     @classmethod
     def build(
         cls,
         identities: Mapping[str, tuple[np.ndarray, Sequence[str]]],
         facts: Mapping[str, Any],
+        own: Mapping[str, pa.DataType] = _NONE,
     ) -> Interactions:
         """Make interactions from arrays.
 
@@ -90,6 +85,7 @@ class Interactions:
             identities: name -> (codes int [n], categories); a code of -1 stands for a missing
                 value and becomes null.
             facts: name -> values [n]; masked entries, None and NaN become null.
+            own: types of facts that ``FACTS`` does not hold.
 
         Raises:
             InputError: for codes out of range, unknown or wrongly typed facts, or columns of
@@ -102,24 +98,33 @@ class Interactions:
                 raise InputError(f"identity {name!r}: codes must lie in -1..{len(categories) - 1}")
             index = pa.array(codes.astype(np.int32), mask=codes < 0)
             columns[name] = pa.DictionaryArray.from_arrays(index, pa.array(list(categories)))
+        kinds = kinds_of(own)
         for name, values in facts.items():
-            if name not in FACTS:
-                raise unknown("fact", name, FACTS)
-            columns[name] = _column(name, values)
+            if name not in kinds:
+                raise unknown("fact", name, kinds)
+            columns[name] = fact_column(name, values, kinds[name])
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
             raise InputError(f"columns are of unequal length: {lengths}")
-        return cls(pa.table(columns), tuple(identities))
+        return cls(pa.table(columns), tuple(identities), own)
 
     @classmethod
-    def from_arrow(cls, table: pa.Table, identities: Sequence[str] | None = None) -> Interactions:
-        """Take an Arrow table; identities are named, or those noted by :meth:`to_arrow`.
+    def from_arrow(
+        cls,
+        table: pa.Table,
+        identities: Sequence[str] | None = None,
+        own: Mapping[str, pa.DataType] | None = None,
+    ) -> Interactions:
+        """Take an Arrow table; what is not said of it is as :meth:`to_arrow` noted it.
 
         Raises:
             InputError: when it is not said which columns are identities, or a column is wrong.
         """
+        notes = table.schema.metadata or {}
+        own = own_of(notes.get(_OWN_KEY, b"")) if own is None else own
+        kinds = kinds_of(own)
         if identities is None:
-            noted = (table.schema.metadata or {}).get(_IDENTITIES_KEY)
+            noted = notes.get(_IDENTITIES_KEY)
             if noted is None:
                 raise InputError("it is not said which columns are identities: name them")
             identities = noted.decode().split("\x1f") if noted else []
@@ -128,20 +133,21 @@ class Interactions:
             column = chunks.combine_chunks()
             try:
                 if name in identities:
-                    columns.append(_categorical(column))
-                elif name in FACTS:
-                    columns.append(_without_nan(column.cast(FACTS[name])))
+                    columns.append(categorical(column))
+                elif name in kinds:
+                    columns.append(without_nan(column.cast(kinds[name])))
                 else:
-                    raise unknown("fact", name, FACTS)
+                    raise unknown("fact", name, kinds)
             except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
                 raise InputError(f"column {name!r}: {error}") from error
-        return cls(pa.table(columns, table.column_names), identities)
+        return cls(pa.table(columns, table.column_names), identities, own)
 
     def to_arrow(self) -> pa.Table:
-        """The Arrow table, with a note of which columns are identities."""
-        return self._table.replace_schema_metadata(
-            {_IDENTITIES_KEY: "\x1f".join(self._identities).encode()}
-        )
+        """The Arrow table, with a note of which columns are identities and which facts own."""
+        notes = {_IDENTITIES_KEY: "\x1f".join(self._identities).encode()}
+        if self._own:
+            notes[_OWN_KEY] = note_of(self._own)
+        return self._table.replace_schema_metadata(notes)
 
     @classmethod
     def read_parquet(cls, path: str | os.PathLike[str]) -> Interactions:
@@ -165,7 +171,12 @@ class Interactions:
         _write(path, lambda aside: pq.write_table(self.to_arrow(), aside))
 
     @classmethod
-    def read_csv(cls, path: str | os.PathLike[str], identities: Sequence[str]) -> Interactions:
+    def read_csv(
+        cls,
+        path: str | os.PathLike[str],
+        identities: Sequence[str],
+        own: Mapping[str, pa.DataType] = _NONE,
+    ) -> Interactions:
         """Read a CSV file with a header; an empty cell is null.
 
         Categories are those that occur, in the order of their first row.
@@ -173,7 +184,7 @@ class Interactions:
         Raises:
             InputError: when the file cannot be read or a column has the wrong type.
         """
-        kinds: dict[str, pa.DataType] = dict(FACTS) | {name: pa.string() for name in identities}
+        kinds = kinds_of(own) | {name: pa.string() for name in identities}
         options = pacsv.ConvertOptions(
             column_types=kinds, null_values=[""], strings_can_be_null=True
         )
@@ -185,14 +196,18 @@ class Interactions:
             )
         except (OSError, pa.ArrowInvalid) as error:
             raise InputError(f"{path} cannot be read as CSV: {error}") from error
-        return cls._from_file(path, table, identities)
+        return cls._from_file(path, table, identities, own)
 
     @classmethod
     def _from_file(
-        cls, path: str | os.PathLike[str], table: pa.Table, identities: Sequence[str] | None
+        cls,
+        path: str | os.PathLike[str],
+        table: pa.Table,
+        identities: Sequence[str] | None,
+        own: Mapping[str, pa.DataType] | None = None,
     ) -> Interactions:
         try:
-            return cls.from_arrow(table, identities)
+            return cls.from_arrow(table, identities, own)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
@@ -264,7 +279,7 @@ class Interactions:
         """The rows at these indices, or where this mask is true."""
         rows = np.asarray(rows)
         picked = self._table.filter(rows) if rows.dtype == bool else self._table.take(rows)
-        return Interactions(picked, self._identities)
+        return Interactions(picked, self._identities, self._own)
 
     @classmethod
     def concat(cls, parts: Sequence[Interactions]) -> Interactions:
@@ -278,7 +293,7 @@ class Interactions:
         if any(part.column_names != parts[0].column_names for part in parts):
             raise InputError("tables with other columns cannot be put together")
         tables = pa.concat_tables([part._table for part in parts]).unify_dictionaries()
-        return cls(tables.combine_chunks(), parts[0].identities)
+        return cls(tables.combine_chunks(), parts[0].identities, parts[0]._own)
 
 
 def _write(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
@@ -293,37 +308,3 @@ def _write(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
         # also after Ctrl-C; after a success there is nothing left to remove
         with contextlib.suppress(OSError):
             aside.unlink()
-
-
-def _column(name: str, values: Any) -> pa.Array:
-    """A fact of any array or sequence; what is masked, None or NaN is null."""
-    mask = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else None
-    # a copy, so that the table does not change with the caller's array
-    if isinstance(values, np.ndarray):
-        values = np.array(values)
-        if values.dtype.kind == "i" and FACTS[name] == pa.int32():
-            short = values.astype(np.int32)
-            # Arrow is slow to narrow numbers, but says which does not fit
-            values = short if (short == values).all() else values
-    try:
-        column = pa.array(values, mask=mask, from_pandas=True)
-        return column if column.type == FACTS[name] else column.cast(FACTS[name])
-    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
-        raise InputError(f"fact {name!r}: {error}") from error
-
-
-def _categorical(column: pa.Array) -> pa.Array:
-    """Text categories under int32 codes, none of them null or twice there."""
-    kind = pa.dictionary(pa.int32(), pa.string())
-    if pa.types.is_dictionary(column.type):
-        coded = column.cast(kind)
-        categories = coded.dictionary
-        if not categories.null_count and len(categories.unique()) == len(categories):
-            return coded
-    return column.cast(pa.string()).dictionary_encode()
-
-
-def _without_nan(column: pa.Array) -> pa.Array:
-    if not pa.types.is_floating(column.type):
-        return column
-    return pa.array(column.to_numpy(zero_copy_only=False), from_pandas=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -39,18 +40,28 @@ class Thresholds:
             )
 
 
+class Facts(Protocol):
+    """Columns of facts; Interactions are such."""
+
+    def fact(self, name: str) -> np.ndarray:
+        """A fact as numbers, float64 [n] with NaN for what is missing."""
+        ...
+
+    def __contains__(self, name: str) -> bool: ...
+
+
 @dataclass(frozen=True)
 class Issue:
-    """A named rule on facts.
+    """A named rule on facts; ``schemes.own_issue`` makes one of columns.
 
     Attributes:
         name: what it is called.
-        rule: from interactions to 1 (issue), 0 (none), NaN (does not apply or not known), [n].
+        rule: from facts to 1 (issue), 0 (none), NaN (does not apply or not known), [n].
         needs: facts the rule reads.
     """
 
     name: str
-    rule: Callable[[Interactions], np.ndarray]
+    rule: Callable[[Facts], np.ndarray]
     needs: tuple[str, ...]
 
 
@@ -61,19 +72,19 @@ def paper_issues(thresholds: Thresholds | None = None) -> tuple[Issue, ...]:
     """
     limit = thresholds or Thresholds()
 
-    def willingness(x: Interactions) -> np.ndarray:
+    def willingness(x: Facts) -> np.ndarray:
         return 1.0 - x.fact("responded")
 
-    def quality(x: Interactions) -> np.ndarray:
+    def quality(x: Facts) -> np.ndarray:
         distance = x.fact("response_distance")
         improper = (distance < limit.nearest) | (distance > limit.farthest)
         return np.where(np.isnan(distance), np.nan, improper)
 
-    def priority(x: Interactions) -> np.ndarray:
+    def priority(x: Facts) -> np.ndarray:
         step = x.fact("response_step")
         return np.where(np.isnan(step), np.nan, step > limit.late)
 
-    def risk(x: Interactions) -> np.ndarray:
+    def risk(x: Facts) -> np.ndarray:
         least = x.fact("min_distance")
         return np.where(np.isnan(least), np.nan, least < limit.risk)
 
@@ -88,7 +99,7 @@ def paper_issues(thresholds: Thresholds | None = None) -> tuple[Issue, ...]:
 PAPER_ISSUES = paper_issues()
 
 
-def indicators(interactions: Interactions, issues: Sequence[Issue] = PAPER_ISSUES) -> np.ndarray:
+def indicators(facts: Facts, issues: Sequence[Issue] = PAPER_ISSUES) -> np.ndarray:
     """Which service has which issue, float64 [n, K]; NaN where an issue does not apply.
 
     Raises:
@@ -96,12 +107,12 @@ def indicators(interactions: Interactions, issues: Sequence[Issue] = PAPER_ISSUE
     """
     for issue in issues:
         for fact in issue.needs:
-            if fact not in interactions:
+            if fact not in facts:
                 raise InputError(
                     f"issue {issue.name!r} needs the fact {fact!r}, which this table lacks: "
                     "add the column or leave the issue out"
                 )
-    return np.stack([issue.rule(interactions) for issue in issues], axis=1)
+    return np.stack([issue.rule(facts) for issue in issues], axis=1)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,118 @@
+"""What the wrappers share: who is served, the facts function, and the ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from evenhand.adapters.ended import Ended, FactsOf, Info
+from evenhand.adapters.ledger import Ledger, Windows
+from evenhand.adapters.people import Queue, Sampler
+from evenhand.adapters.shaping import JudgeSettings
+from evenhand.detector import Detector
+from evenhand.errors import InputError
+from evenhand.interactions import Interactions
+from evenhand.schemes import Scheme
+
+
+class Judging:
+    """The way of ended episodes into a ledger."""
+
+    def __init__(
+        self,
+        lanes: int,
+        scheme: Scheme,
+        facts: FactsOf,
+        sampler: Sampler | None,
+        rng: np.random.Generator | None,
+        settings: JudgeSettings | None,
+        detector: Detector | None,
+    ) -> None:
+        """Begin with an empty ledger.
+
+        Args:
+            lanes: environments, n.
+            scheme: identities, facts and issues.
+            facts: tells the facts of ended episodes.
+            sampler: who is served; None where the facts tell.
+            rng: source of randomness of the sampler.
+            settings: of windows and guidance.
+            detector: judges windows.
+
+        Raises:
+            InputError: for a sampler without ``rng``, or what does not fit the scheme.
+        """
+        if (sampler is None) != (rng is None):
+            has, lacks = ("sampler", "rng") if rng is None else ("rng", "sampler")
+            raise InputError(f"{has} is given without {lacks}: to draw people, give both")
+        self.ledger = Ledger(scheme, settings, detector)
+        self.queue = None
+        if sampler is not None and rng is not None:
+            self.queue = Queue(sampler, rng, lanes, scheme)
+        self._facts = facts
+
+    def write(
+        self,
+        lane: np.ndarray,
+        rank: np.ndarray,
+        reward: np.ndarray,
+        steps: np.ndarray,
+        terminated: np.ndarray,
+        truncated: np.ndarray,
+        observation: Any,
+        raw: Sequence[tuple[Info, Info, int]],
+    ) -> np.ndarray:
+        """Ask for the facts of episodes that have ended, and write them into the ledger.
+
+        Arguments are the fields of ``Ended`` and ``track.Cut``.
+
+        Returns:
+            What evenness adds to their rewards, [m].
+
+        Raises:
+            InputError: for facts that make no sense; these episodes are then left out.
+        """
+        ended = Ended(
+            episode=len(self.ledger) + np.arange(len(lane)),
+            lane=lane,
+            reward=reward,
+            steps=steps,
+            terminated=terminated,
+            truncated=truncated,
+            observation=observation,
+            people=None if self.queue is None else self.queue.serve(lane, rank),
+            raw=raw,
+        )
+        return self.ledger.add(ended, self._facts(ended))
+
+
+class Judged:
+    """What a wrapper tells: services, windows, people. Asking writes down what still waits."""
+
+    _judging: Judging
+
+    def write(self) -> None:
+        """Ask for the facts of the episodes that wait.
+
+        Raises:
+            InputError: for facts that make no sense.
+        """
+        raise NotImplementedError
+
+    @property
+    def ledger(self) -> Ledger:
+        """All services that have ended, with verdicts, rows and what was paid."""
+        self.write()
+        return self._judging.ledger
+
+    @property
+    def services(self) -> Interactions:
+        """All services that have ended, in that order."""
+        return self.ledger.services()
+
+    @property
+    def windows(self) -> Windows:
+        """Windows that are over, judged."""
+        return self.ledger.windows()

@@ -1,0 +1,221 @@
+"""The ledger: services as they end, windows of them, their scores, and what evenness pays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evenhand.adapters.ended import Ended
+from evenhand.adapters.shaping import Guide, JudgeSettings, asked_about, judged
+from evenhand.adapters.told import checked
+from evenhand.detector import Detector
+from evenhand.errors import InputError, unknown
+from evenhand.inference import chance, verdicts
+from evenhand.inference.verdicts import Verdicts, VerdictSettings
+from evenhand.interactions import Interactions
+from evenhand.issues import Counts, Scores, count, scores_of
+from evenhand.schemes import Scheme
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """W windows of services, one after the other.
+
+    Attributes:
+        services: in each.
+        counts: [W, G, K].
+        scores: Eq. 1 and 2 of each, as printed.
+        excess: the same without what chance gives, see ``inference.chance.excess_scores``.
+        probability: that people would call it biased, for each identity that the detector was
+            taught, float64 [W, C]; None without a detector.
+        biased: the detector's verdict on each, bool [W]; None without a detector.
+        paid: what evenness added to the rewards of its services on average, float64 [W].
+    """
+
+    services: int
+    counts: Counts
+    scores: Scores
+    excess: Scores
+    probability: np.ndarray | None
+    biased: np.ndarray | None
+    paid: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.paid)
+
+
+class Columns:
+    """Facts of some services as columns, for rules."""
+
+    def __init__(self, scheme: Scheme, values: np.ndarray) -> None:
+        """Name the columns.
+
+        Args:
+            scheme: whose facts.
+            values: float64 [n, F].
+        """
+        self._place = {fact.name: f for f, fact in enumerate(scheme.facts)}
+        self._values = values
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._place
+
+    def fact(self, name: str) -> np.ndarray:
+        """A fact, float64 [n], NaN where missing.
+
+        Raises:
+            InputError: when there is no such fact.
+        """
+        if name not in self._place:
+            raise unknown("fact", name, self._place)
+        return self._values[:, self._place[name]]
+
+
+class Ledger:
+    """Services in the order in which they ended. It knows nothing of environments."""
+
+    def __init__(
+        self,
+        scheme: Scheme,
+        settings: JudgeSettings | None = None,
+        detector: Detector | None = None,
+    ) -> None:
+        """Begin an empty ledger.
+
+        Args:
+            scheme: identities, facts and issues.
+            settings: of windows and guidance.
+            detector: judges windows; may be left out unless the guidance asks for it.
+
+        Raises:
+            InputError: for a detector or weights that do not fit the scheme.
+        """
+        self.scheme, self.settings = scheme, settings or JudgeSettings()
+        self.detector = detector
+        self._known = asked_about(detector, scheme) if detector is not None else ()
+        self._guide = Guide(scheme, self.settings, detector)
+        self.guided = self.settings.guidance.kind != "none"
+        self._codes = np.empty((64, len(scheme.identities)), np.int64)
+        self._facts = np.empty((64, len(scheme.facts)))
+        self._paid = np.zeros(64)
+        self._length = 0
+        self._found: Windows | None = None
+
+    def __len__(self) -> int:
+        return self._length
+
+    def add(self, ended: Ended, told: Any) -> np.ndarray:
+        """Write services down.
+
+        Args:
+            ended: the episodes.
+            told: what the facts function gave for them.
+
+        Returns:
+            What evenness adds to the reward of each, [m].
+
+        Raises:
+            InputError: for facts that make no sense; nothing is written then.
+        """
+        codes, facts = checked(self.scheme, ended, told)
+        self._make_room(len(codes))
+        paid = np.zeros(len(codes))
+        begin = 0
+        while begin < len(codes):
+            # the window that is open takes what it lacks; the next one is paid by it
+            left = self.settings.services - self._length % self.settings.services
+            part = slice(begin, begin + left)
+            n = len(codes[part])
+            to = slice(self._length, self._length + n)
+            self._codes[to], self._facts[to] = codes[part], facts[part]
+            if self.guided:
+                paid[part] = self._guide.pays(*self._rows(to))
+            self._paid[to] = paid[part]
+            self._length += n
+            begin += n
+            if self.guided and n == left:
+                self._guide.close(*self._rows(slice(to.stop - self.settings.services, to.stop)))
+        return paid
+
+    def services(self) -> Interactions:
+        """All services; ``epoch`` is the number of the window, also of one that is not over."""
+        n, scheme = self._length, self.scheme
+        number = np.arange(n)
+        facts: dict[str, Any] = {"epoch": number // self.settings.services, "service": number}
+        for f, fact in enumerate(scheme.facts):
+            values = self._facts[:n, f]
+            missing = np.isnan(values)
+            kind = {bool: np.bool_, int: np.int64}.get(fact.kind, np.float64)
+            facts[fact.name] = np.ma.array(
+                np.where(missing, 0.0, values).astype(kind), mask=missing
+            )
+        people = {
+            one.name: (self._codes[:n, d], one.groups) for d, one in enumerate(scheme.identities)
+        }
+        return Interactions.build(people, facts, scheme.own)
+
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Indicators [n, K] and membership [n, G] of all services."""
+        return self._rows(slice(0, self._length))
+
+    def windows(self) -> Windows:
+        """Windows that are over, judged."""
+        size = self.settings.services
+        number = self._length // size
+        if self._found is None or len(self._found) != number:
+            x, inside = (
+                rows.reshape(number, size, rows.shape[1])
+                for rows in self._rows(slice(0, number * size))
+            )
+            paid = self._paid[: number * size].reshape(number, size).mean(axis=1)
+            self._found = self._judge(x, inside, paid)
+        return self._found
+
+    def verdicts(
+        self, rng: np.random.Generator, settings: VerdictSettings | None = None
+    ) -> Verdicts:
+        """Verdicts of three states on all services, by permutation (max-T).
+
+        Args:
+            rng: source of randomness.
+            settings: level, relevant difference, power, permutations.
+
+        Raises:
+            InputError: before any service has ended.
+        """
+        if not self._length:
+            raise InputError("no service has ended yet: there is nothing to judge")
+        return verdicts.judge(*self.rows(), rng, settings)
+
+    @property
+    def paid(self) -> np.ndarray:
+        """What evenness added to the reward of each service, float64 [n]."""
+        return self._paid[: self._length].copy()
+
+    def _rows(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        x = self.scheme.indicators(Columns(self.scheme, self._facts[part]))
+        return x, self.scheme.inside(self._codes[part])
+
+    def _judge(self, x: np.ndarray, inside: np.ndarray, paid: np.ndarray) -> Windows:
+        counts, names = count(x, inside), self.scheme.issue_names
+        scores = scores_of(counts, self.scheme.groups, names)
+        probability: np.ndarray | None = None
+        biased: np.ndarray | None = None
+        if self.detector is not None:
+            probability = judged(self.detector, scores, self._known)
+            biased = np.any(probability > self.detector.threshold, axis=-1)
+        excess = chance.excess_scores(counts, self.scheme.groups, names)
+        return Windows(self.settings.services, counts, scores, excess, probability, biased, paid)
+
+    def _make_room(self, more: int) -> None:
+        size = len(self._paid)
+        while size < self._length + more:
+            size *= 2
+        if size > len(self._paid):
+            for name in ("_codes", "_facts", "_paid"):
+                old = getattr(self, name)
+                new = np.zeros((size, *old.shape[1:]), old.dtype)
+                new[: self._length] = old[: self._length]
+                setattr(self, name, new)

@@ -1,0 +1,271 @@
+"""The report of judged environments: windows as they went by, and verdicts on all services.
+
+Takes ledgers, gives ``services/*.parquet``, ``figures/*`` and ``report.html`` in one folder. The
+page needs no network, no script and no other file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from evenhand import files, report, templates
+from evenhand.adapters.ledger import Ledger
+from evenhand.adapters.verdict import findings_of
+from evenhand.audits import figures as audit_figures
+from evenhand.audits import words
+from evenhand.audits.phrases import level
+from evenhand.audits.results import AuditSettings, Findings
+from evenhand.errors import InputError
+from evenhand.report import figures, figures_compare, html, style
+from evenhand.report.figures import Drawn, Plate
+from evenhand.report.inputs import Results
+from evenhand.report.tables import Table, say, table, trailing_mean
+
+AVERAGE = 20
+"""Windows in a running mean."""
+
+_LOOKS = ((style.BLUE, "o"), (style.VERMILLION, "s"), (style.GREEN, "^"), (style.ORANGE, "D"))
+_FOLDERS = (Path(__file__).parent / "templates", Path(report.__file__).parent / "templates")
+
+
+def write(
+    folder: Path | str,
+    runs: Mapping[str, Ledger],
+    *,
+    title: str,
+    note: str,
+    tests: Mapping[str, Ledger] | None = None,
+    settings: AuditSettings | None = None,
+    command: str = "",
+    created: str = "",
+) -> Path:
+    """Write the report of one run or of several beside each other.
+
+    Args:
+        folder: is made where it does not exist.
+        runs: by name, all of one scheme; their windows are drawn.
+        title: of the page.
+        note: what a reader has to know first, for instance that groups are made up.
+        tests: by name, whose services are judged; by default those of ``runs``.
+        settings: of the verdicts.
+        command: that repeats it.
+        created: when, as text.
+
+    Returns:
+        The path of ``report.html``.
+
+    Raises:
+        InputError: for no run, runs of other schemes, runs without services, or a folder that
+            cannot be written.
+    """
+    judged = {f"{name}, tested": ledger for name, ledger in tests.items()} if tests else runs
+    if not runs:
+        raise InputError("there is no run to report: give at least one")
+    for name, ledger in {**runs, **judged}.items():
+        first = next(iter(runs.values())).scheme
+        if (ledger.scheme.groups, ledger.scheme.issue_names) != (first.groups, first.issue_names):
+            raise InputError(f"run {name!r} is of another scheme than the first: report it apart")
+        if not len(ledger.windows()):
+            raise InputError(
+                f"run {name!r} has {len(ledger)} services and no window of "
+                f"{ledger.settings.services} is over: let more episodes end first"
+            )
+    found = {name: findings_of(ledger, settings) for name, ledger in judged.items()}
+    drawn = [windows_figure(runs)]
+    parts = []
+    for place, (name, findings) in enumerate(found.items()):
+        pictures = [
+            differences_figure(findings, identity, name, f"run{place}-{i}")
+            for i, identity in enumerate(audit_figures.identities(findings))
+        ]
+        drawn += pictures
+        parts.append((f"run{place}", name, _told(findings), pictures))
+    page = _render(runs, parts, drawn[0], title, note, command, created, found)
+    root = files.make_folder(folder)
+    figures_compare.write(files.make_folder(root / "figures"), drawn)
+    services = files.make_folder(root / "services")
+    for name, ledger in {**runs, **judged}.items():
+        ledger.services().write_parquet(services / f"{_file(name)}.parquet")
+    target = root / "report.html"
+    files.write_text(target, page)
+    return target
+
+
+def windows_table(runs: Mapping[str, Ledger]) -> Table:
+    """A row for each window that is over.
+
+    Columns: run, window, total (printed score), excess (the same without what chance gives),
+    without_issue (share of services), biased (1, 0, or NaN without a detector), paid.
+    """
+    rows: list[tuple[object, ...]] = []
+    for name, ledger in runs.items():
+        found = ledger.windows()
+        x, _ = ledger.rows()
+        size = found.services
+        clean = ~(x[: len(found) * size] == 1.0).any(axis=1)
+        share = clean.reshape(len(found), size).mean(axis=1)
+        biased = np.full(len(found), np.nan) if found.biased is None else found.biased.astype(float)
+        columns = (found.scores.total, found.excess.total, share, biased, found.paid)
+        rows += [
+            (name, window, *(float(column[window]) for column in columns))
+            for window in range(len(found))
+        ]
+    return table(("run", "window", "total", "excess", "without_issue", "biased", "paid"), rows)
+
+
+def windows_figure(runs: Mapping[str, Ledger]) -> Drawn:
+    """Evenness and quality of service, window by window."""
+    data = windows_table(runs)
+    sizes = sorted({ledger.settings.services for ledger in runs.values()})
+    judge = ""
+    if any(ledger.detector is not None for ledger in runs.values()):
+        shares = [
+            f"{name} {np.nansum(part):.0f} of {len(part):,}"
+            for name in runs
+            if not np.isnan(part := data.where(run=name)["biased"]).all()
+        ]
+        judge = f" Windows that the detector calls biased: {', '.join(shares)}."
+    return _drawn(
+        "windows",
+        "Evenness and service, window by window",
+        "Line charts, a line a run: score without chance, and share of services without an issue.",
+        data,
+        _windows,
+        f"First: total issue score of a window of {' or '.join(map(str, sizes))} services, less "
+        "what chance gives an even robot; 0 is even. Second: services without any issue; a score "
+        f"means little without it. Lines: mean of the last {AVERAGE} windows; faint: each one."
+        f"{judge}",
+    )
+
+
+def differences_figure(findings: Findings, identity: str, run: str, name: str) -> Drawn:
+    """Groups of one identity against the other side, with intervals and verdicts."""
+    rows = [
+        (f.group, f.issue, f.n, f.rate, f.rest_n, f.rest_rate, f.difference, f.low, f.high,
+         f.p_adjusted, f.verdict)
+        for f in findings.findings if f.identity == identity
+    ]  # fmt: skip
+    heads = ("group", "issue", "n", "rate", "others_n", "others_rate", "difference", "low", "high",
+             "p_adjusted", "verdict")  # fmt: skip
+    return _drawn(
+        name,
+        f"{identity}: differences, {run}",
+        "Dot chart, a panel an issue: difference of each group against the others, in points.",
+        table(heads, rows),
+        lambda _, wide: audit_figures.differences(findings, identity, wide),
+        f"{findings.services:,} services. Right of 0: the issue is more frequent in the group. "
+        f"Lines: {level(findings)} intervals that hold together.",
+    )
+
+
+def _drawn(name: str, title: str, alt: str, data: Table, draw: Any, caption: str) -> Drawn:
+    plate = Plate(name, title, "", "learning", alt, lambda _: data, draw, lambda *_: caption)
+    with warnings.catch_warnings():
+        # letters that the figure's font lacks are left to the reader's browser
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        return figures.draw(plate, Results({}, {}, []))
+
+
+def _windows(data: Table, wide: bool) -> Figure:
+    shape = (1, 2) if wide else (2, 1)
+    figure, axes = style.panels(wide, *shape, 2.7 if wide else 4.6)
+    names = data.distinct("run")
+    known = {name: style.Look(name, *_LOOKS[i]) for i, name in enumerate(names[: len(_LOOKS)])}
+    looks = style.looks(names, known)
+    for ax, column, scale in zip(axes, ("excess", "without_issue"), (1.0, 100.0), strict=True):
+        for name, look in looks.items():
+            part = data.where(run=name)
+            at, values = part["window"], scale * part[column]
+            ax.plot(at, values, color=look.colour, alpha=0.22, linewidth=0.5)
+            every = max(1, len(at) // 6)
+            smooth = trailing_mean(values, AVERAGE)
+            ax.plot(
+                at, smooth, **look.marks(), markevery=every, markersize=3.8, linestyle=look.line
+            )
+        ax.set_xlabel("window")
+    axes[0].axhline(0.0, color=style.INK, linewidth=0.8)
+    axes[0].set_ylabel("total issue score, less chance")
+    axes[1].set_ylabel("services without an issue, %")
+    axes[1].set_ylim(0, 102)
+    style.legend(
+        figure, [Line2D([], [], label=look.label, **look.marks()) for look in looks.values()], wide
+    )
+    return figure
+
+
+def _told(findings: Findings) -> list[str]:
+    """Verdict, disparities and total in sentences."""
+    return [
+        words.verdict_sentence(findings),
+        *words.disparity_sentences(findings),
+        *words.unknown_sentences(findings.findings),
+        words.total_sentence(findings),
+    ]
+
+
+def _render(
+    runs: Mapping[str, Ledger],
+    parts: Sequence[tuple[str, str, list[str], list[Drawn]]],
+    first: Drawn,
+    title: str,
+    note: str,
+    command: str,
+    created: str,
+    found: Mapping[str, Findings],
+) -> str:
+    from evenhand import __version__
+
+    ledger = next(iter(runs.values()))
+    scheme = ledger.scheme
+    known = next(iter(found.values())).settings
+    return templates.fill(
+        "judged.html.j2",
+        *_FOLDERS,
+        manifest={"version": __version__, "created": created or title, "command": command},
+        title=title,
+        note=note,
+        facts=[
+            *((name, f"{len(one):,} services") for name, one in runs.items()),
+            ("Services a window", f"{ledger.settings.services:,}"),
+            ("Groups", f"{len(scheme.groups)} of {len(scheme.identities)} identities"),
+            ("Issues", ", ".join(scheme.issue_names)),
+        ],
+        windows=html.figure_context(first),
+        parts=[
+            (anchor, name, told, [html.figure_context(one) for one in pictures])
+            for anchor, name, told, pictures in parts
+        ],
+        references=[(one.name, one.reference) for one in scheme.identities if one.reference],
+        summary=[
+            (name, say(one.total), say(one.even_total), one.verdict) for name, one in found.items()
+        ],
+        settings=html.flat(
+            {
+                **{name: _settings(one) for name, one in runs.items()},
+                "verdicts": dataclasses.asdict(known),
+            }
+        ),
+        identities=[(one.name, ", ".join(one.groups)) for one in scheme.identities],
+        rules=[(issue.name, f"told by {', '.join(issue.needs)}") for issue in scheme.issues],
+    )
+
+
+def _settings(ledger: Ledger) -> dict[str, Any]:
+    plain = dataclasses.asdict(dataclasses.replace(ledger.settings, tau=None))
+    weights = ledger.settings.weights(ledger.scheme).tolist()
+    plain["tau"] = dict(zip(ledger.scheme.issue_names, weights, strict=True))
+    plain["guidance"].pop("tau")
+    return plain
+
+
+def _file(name: str) -> str:
+    return re.sub(r"\W+", "_", name).strip("_").lower() or "run"
