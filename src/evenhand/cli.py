@@ -25,6 +25,7 @@ COMMANDS = {
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
     "film": ("film.Film", "make clips of services, or those of the questionnaire"),
     "compare": ("compare.Compare", "compare ways to evenness, rivals included, in every scenario"),
+    "sweep": ("sweep.Sweep", "run many trainings from a file, here or on a Ray cluster"),
     "audit": ("audit.Audit", "audit the log of any service robot: who is served unevenly?"),
     "watch": ("watch.Watch", "watch a growing log, with an alarm that may be looked at any time"),
     "example": ("example.Example", "write a synthetic log to try an audit on"),
@@ -35,6 +36,9 @@ COMMANDS = {
     "study": ("", "ask people: check, preview and serve a study, export its answers"),
     "replay": ("replay.Replay", "write services of a run as a page to watch and step through"),
     "view": ("view.View", "watch a robot at work in the browser, live"),
+    "curves": ("curves.Curves", "epochs of runs for TensorBoard, or Weights & Biases offline"),
+    "minari": ("minari.Minari", "services of a robot as a Minari dataset"),
+    "card": ("card.Card", "the model card of a trained robot or of a detector"),
     "bench": ("bench.Bench", "measure speed: environment, epoch, audit and clips, beside others"),
 }
 DETECT = {
@@ -69,8 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: after the program's name; those of this process by default.
 
     Returns:
-        Exit code: 0 when all went well, 1 when a worker process was lost or the output cannot be
-        written, 2 for wrong input, 130 after Ctrl-C.
+        Exit code: 0 when all went well, 1 when a worker process or a run of a sweep was lost or the
+        output cannot be written, 2 for wrong input, 130 after Ctrl-C.
     """
     interrupted: list[int] = []
     if arguments is None:

@@ -220,8 +220,9 @@ def test_the_overview_names_every_command(cli, words):
     shown = cli(*words)
     assert (shown.code, shown.err) == (0, "")
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
-        "reproduce", "train", "evaluate", "film", "compare", "audit", "watch", "example", "demos",
-        "alarms", "calibrate", "detect", "study", "replay", "view", "bench",
+        "reproduce", "train", "evaluate", "film", "compare", "sweep", "audit", "watch", "example",
+        "demos", "alarms", "calibrate", "detect", "study", "replay", "view", "curves", "minari",
+        "card", "bench",
     ]  # fmt: skip
 
 
@@ -254,7 +255,7 @@ def test_help_explains_every_option(cli, words):
         if "Positional" in str(field.type):
             log = "FILE" if words == ("example",) else "LOG"
             named = {"run_folder": "RUN", "services": "FILE", "file": "FILE", "log": log,
-                     "answers": "ANSWERS"}  # fmt: skip
+                     "answers": "ANSWERS", "folder": "FOLDER"}  # fmt: skip
             option = named[field.name]
         # its line, then what it is: a sentence, and the default or that it must be given
         assert re.search(rf"{re.escape(option)} .{{0,60}}?[A-Z].{{12,}}?\.", text), option

@@ -1,7 +1,9 @@
 """Work for the tests of the pool; other processes import it by this name."""
 
 import os
+import signal
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -56,3 +58,18 @@ def linger(*, tell: Tell, folder: Path) -> None:
     (folder / str(os.getpid())).touch()
     tell(1, {})
     time.sleep(600.0)
+
+
+def die_once(*, tell: Tell, mark: Path, number: int) -> int:
+    """End the process as the kernel does when memory runs out, but only the first time."""
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def long_word(*, tell: Tell, mark: Path) -> bytes:
+    """Tell who works, then give more than a pipe holds."""
+    tell(1, {"process": os.getpid()})
+    threading.Timer(0.2, mark.touch).start()
+    return bytes(64_000_000)

@@ -27,6 +27,7 @@ export class Clip {
   /** Seconds that were played without a skip, and when that was measured. */
   private reached = 0;
   private measured = 0;
+  private pressed = false;
   private failed = false;
 
   constructor(
@@ -98,6 +99,9 @@ export class Clip {
     }
     if (this.video.ended) this.reached = 0;
     this.video.playbackRate = this.rate;
+    // from here, as events of a busy page come late, when the clip has long been playing
+    this.measured = performance.now();
+    this.pressed = true;
     this.video.play().catch((error: unknown) => {
       // a pause that came while it was loading is no failure
       if (!(error instanceof DOMException && error.name === "AbortError")) this.fail();
@@ -107,16 +111,14 @@ export class Clip {
   private listen(): void {
     const on = (name: string, act: () => void) => this.video.addEventListener(name, act);
     on("play", () => {
-      this.measured = performance.now();
+      if (!this.pressed) this.measured = performance.now(); // by the keys of a keyboard for media
+      this.pressed = false;
       this.watched.plays(this);
       this.show();
     });
     on("pause", () => this.show());
     on("waiting", () => this.show("Loading\u2026"));
-    on("playing", () => {
-      this.measured = performance.now();
-      this.show();
-    });
+    on("playing", () => this.show());
     on("timeupdate", () => this.measure());
     on("seeking", () => this.measure());
     on("ratechange", () => {

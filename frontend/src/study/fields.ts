@@ -120,7 +120,7 @@ export class Fields {
     // told by a screen reader near the end only: each key would be too much
     const told = el("p", { class: "unseen", role: "status" });
     const count = () => {
-      const rest = longest - [...area.value.trim()].length;
+      const rest = longest - [...written(area.value)].length;
       const words = rest < 0 ? `${-rest} characters too many` : `${rest} characters left`;
       left.textContent = `${words}, of ${longest}.`;
       left.classList.toggle("wrong", rest < 0);
@@ -128,14 +128,14 @@ export class Fields {
     };
     area.addEventListener("input", () => {
       count();
-      if (box.dataset.wrong) mark(question, field, wrong(question, area.value));
+      if (box.dataset.wrong) mark(question, field, wrong(question, written(area.value)));
       this.changed();
     });
     const label = el("label", { for: id }, inItsLanguage(el("span", {}, question.ask)), tag(question));
     const box = el("div", { id: name(question), class: "question" }, label, area, left, told);
     const field: Field = {
       element: box,
-      read: () => area.value.trim() || null,
+      read: () => written(area.value) || null,
       fill: (value) => {
         area.value = typeof value === "string" ? value : "";
         count();
@@ -145,6 +145,11 @@ export class Fields {
     count();
     return field;
   }
+}
+
+/** Text without blank ends, and without halves of characters, which no server takes. */
+function written(text: string): string {
+  return text.replace(/\p{Cs}/gu, "").trim();
 }
 
 function name(question: Question): string {
@@ -174,7 +179,7 @@ function ends(question: Question): HTMLElement | null {
 function wrong(question: Question, value: Value): string {
   if (question.type === "text") {
     const longest = question.longest ?? 2000;
-    const text = typeof value === "string" ? value.trim() : "";
+    const text = typeof value === "string" ? value : "";
     const over = [...text].length - longest;
     if (over > 0) return `Write ${over} characters less.`;
     return question.required && !text ? "Write an answer." : "";

@@ -32,6 +32,9 @@ export interface Notes {
 const IDS = ["PROLIFIC_PID", "STUDY_ID", "SESSION_ID"];
 /** As the server takes them; anything else is a placeholder that a platform did not fill in. */
 const ID = /^[A-Za-z0-9][A-Za-z0-9_.:-]{0,99}$/;
+const TOKEN = /^[A-Za-z0-9_-]{43}$/;
+/** Characters that have to fit into the browser's memory, or it counts as none. */
+const LEAST = 4000;
 
 function random(bytes: number): Uint8Array {
   return crypto.getRandomValues(new Uint8Array(bytes));
@@ -149,8 +152,9 @@ export class Memory {
     if (text === null) return null;
     try {
       const found = JSON.parse(text) as Notes;
-      const whole = typeof found.token === "string" && Array.isArray(found.queue);
-      return whole && typeof found.drafts === "object" ? found : null;
+      if (whole(found)) return found;
+      // the server still knows whom the token belongs to
+      return TOKEN.test(found.token) ? { ...this.fresh({}), token: found.token, begun: found.begun === true } : null;
     } catch {
       return null;
     }
@@ -161,9 +165,26 @@ export class Memory {
   }
 }
 
+function thing(value: unknown): boolean {
+  return typeof value === "object" && value !== null;
+}
+
+/** Whether notes are as this page writes them: anything else would stop it half-way. */
+function whole(found: Notes): boolean {
+  const { token, begun, external, queue, drafts, sequence } = found;
+  if (!thing(external) || !thing(drafts) || !Array.isArray(queue)) return false;
+  return (
+    TOKEN.test(token) &&
+    typeof begun === "boolean" &&
+    Number.isInteger(sequence) &&
+    queue.every((one) => thing(one) && typeof one.page === "string" && thing(one.sent)) &&
+    Object.values(drafts).every((one) => thing(one) && thing(one.values) && thing(one.views))
+  );
+}
+
 function usable(): Storage | null {
   try {
-    localStorage.setItem("evenhand/test", "1");
+    localStorage.setItem("evenhand/test", "-".repeat(LEAST));
     localStorage.removeItem("evenhand/test");
     return localStorage;
   } catch {

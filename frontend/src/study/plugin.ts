@@ -10,6 +10,9 @@ import { show, type Shown } from "./pages";
 import type { Simulated, Study } from "./types";
 import type { Walk } from "./walk";
 
+/** Milliseconds in which the second half of a double click still comes. */
+const DOUBLE = 500;
+
 const info = <const>{
   name: "evenhand-page",
   version: "1.0.0",
@@ -29,6 +32,14 @@ type Info = typeof info;
 
 /** The plugin for one walk through a study. */
 export function pagePlugin(walk: Walk, update: () => void) {
+  let opened = 0;
+  const second = (event: MouseEvent) => {
+    // it is meant for the page before: here it would play a clip, or choose an answer
+    if (event.detail < 2 || performance.now() - opened > DOUBLE) return;
+    event.preventDefault();
+    event.stopPropagation();
+  };
+  document.addEventListener("click", second, { capture: true });
   return class PagePlugin implements JsPsychPlugin<Info> {
     static readonly info = info;
 
@@ -50,6 +61,7 @@ export function pagePlugin(walk: Walk, update: () => void) {
       // jsPsych makes it a stop of the tab key, where there is nothing to do
       this.jsPsych.getDisplayContainerElement().tabIndex = -1;
       const since = performance.now();
+      opened = since;
       const place = walk.place;
       const shown = show(walk.view, walk);
       const title = el("h1", { tabindex: "-1" }, shown.title);

@@ -21,8 +21,9 @@ class Bench:
     json: bool = False
     """Print JSON instead of tables."""
 
-    what: Literal["env", "audit", "film", "all"] = "all"
-    """The environment and an epoch, an audit, clips, or everything."""
+    what: Literal["env", "audit", "film", "adapters", "sweep", "all"] = "all"
+    """The environment and an epoch, an audit, clips, wrapping an environment; or all of these. A
+    sweep of 16 runs, which takes some ten minutes, is measured only by its name."""
 
     seconds: float = 15.0
     """For each of the four things that are measured of the environment, in turns of a quarter of a
@@ -31,8 +32,15 @@ class Bench:
     def run(self, command: str) -> int:
         """Measure and print."""
         found: dict[str, Any] = {}
-        for name, part in (("env", self._env), ("audit", self._audit), ("film", self._film)):
-            if self.what in (name, "all"):
+        parts = {
+            "env": self._env,
+            "audit": self._audit,
+            "film": self._film,
+            "adapters": self._adapters,
+            "sweep": self._sweep,
+        }
+        for name, part in parts.items():
+            if self.what == name or (self.what == "all" and name != "sweep"):
                 found |= part()
         if self.json:
             print(json.dumps(found))
@@ -64,4 +72,21 @@ class Bench:
         found = bench_film.measure()
         if not self.json:
             bench_film.show(found)
+        return found
+
+    def _adapters(self) -> dict[str, Any]:
+        from evenhand import bench_adapters
+
+        found = bench_adapters.measure()
+        if not self.json:
+            bench_adapters.show(found)
+        return found
+
+    def _sweep(self) -> dict[str, Any]:
+        inputs.load_physics()
+        from evenhand import bench_sweep
+
+        found = bench_sweep.measure()
+        if not self.json:
+            bench_sweep.show(found)
         return found

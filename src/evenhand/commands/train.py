@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
 from evenhand.commands import inputs
+from evenhand.errors import InputError
+
+if TYPE_CHECKING:
+    from evenhand.learn.settings import TrainSettings
 
 
 @dataclass(frozen=True)
@@ -101,15 +105,52 @@ class Train:
     no_states: bool = False
     """Do not keep where everybody was (270 bytes a service), which film and replay draw from."""
 
+    log: Annotated[
+        tuple[Literal["tensorboard", "wandb"], ...] | None,
+        arg(metavar="tensorboard|wandb ...", help_behavior_hint="(optional)"),
+    ] = None
+    """Show the numbers of every epoch elsewhere too, in the folder and nowhere else.
+    tensorboard: events in tensorboard/, for TensorBoard.
+    wandb: a run in wandb/, of Weights & Biases, offline."""
+
     def run(self, command: str) -> int:
         """Train and print where the run is."""
+        if self.log == ():
+            raise InputError("--log names no sink: give tensorboard, wandb or both")
         inputs.load_physics()
-        from evenhand import guidance, show
-        from evenhand.learn import run
+        from evenhand import show
+        from evenhand.learn import run, sinks
         from evenhand.learn.runtime import set_up_jax
-        from evenhand.learn.settings import settings_of
 
         set_up_jax()
+        settings = self.settings()
+        judge = inputs.load_detector(self.detector)
+        with sinks.opened(self.log or (), self.out) as note, show.stages() as stage:
+            tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
+
+            def progress(numbers: dict[str, Any]) -> None:
+                tell(numbers["services"], numbers)
+                note(numbers)
+
+            run.execute(
+                self.out,
+                settings,
+                judge,
+                progress=progress,
+                recorded=not self.no_states,
+            )
+        print(self.out)
+        return 0
+
+    def settings(self) -> TrainSettings:
+        """The settings of the run.
+
+        Raises:
+            InputError: for settings that do not exist, or do not go together.
+        """
+        from evenhand import guidance
+        from evenhand.learn.settings import settings_of
+
         base = settings_of(
             self.preset,
             self.algorithm,
@@ -118,7 +159,7 @@ class Train:
             epochs=self.epochs,
             population=self.population,
         )
-        settings = replace(
+        return replace(
             base,
             people=self.people,
             guidance=guidance.guided(
@@ -133,15 +174,3 @@ class Train:
             rival_strength=self.rival_strength,
             unaware=self.unaware,
         )
-        judge = inputs.load_detector(self.detector)
-        with show.stages() as stage:
-            tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
-            run.execute(
-                self.out,
-                settings,
-                judge,
-                progress=lambda n: tell(n["services"], n),
-                recorded=not self.no_states,
-            )
-        print(self.out)
-        return 0

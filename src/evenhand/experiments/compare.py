@@ -38,7 +38,6 @@ from evenhand.interactions import Interactions
 from evenhand.learn import checkpoint, run, train
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import TrainSettings, settings_of
-from evenhand.report import compare_page
 from evenhand.restaurant import layout, serve
 from evenhand.restaurant.lanes import Lanes
 
@@ -95,6 +94,9 @@ def compare(
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
         _write_manifest(out, settings, command, found, earlier)
+        # here, since the processes that train need none of the figures
+        from evenhand.report import compare_page
+
         compare_page.build(out)
         tell(1, {})
     return summary

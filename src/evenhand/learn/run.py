@@ -225,6 +225,7 @@ def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict
     path = root / "settings.json"
     if path.exists():
         noted = _noted(path)
+        _from_dict(TrainSettings, noted["settings"], path)  # another version's are no other run
         differs = files.differences(noted["settings"], as_dict(settings))
         if not differs and noted["fingerprints"] != prints:
             differs = "another detector"

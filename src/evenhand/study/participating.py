@@ -10,14 +10,13 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from sqlalchemy import Connection, RowMapping, and_, func, insert, or_, select, update
-from sqlalchemy.exc import IntegrityError
 
-from evenhand.study import orders, replies
+from evenhand.study import orders, recruited, replies
 from evenhand.study.protocol import Protocol
 from evenhand.study.refusals import RefusalError
 from evenhand.study.replies import Value
 from evenhand.study.store import Store, read_note
-from evenhand.study.tables import answers, external, pages, participants
+from evenhand.study.tables import answers, pages, participants
 
 UNDER_WAY = 3600 * 1000
 """Milliseconds after which somebody who has not finished counts as gone."""
@@ -132,21 +131,7 @@ def begin(
             )
         )
         if ids and not preview:
-            try:
-                connection.execute(
-                    insert(external).values(
-                        participant=name,
-                        prolific_pid=ids.get("PROLIFIC_PID"),
-                        study_id=ids.get("STUDY_ID"),
-                        session_id=ids.get("SESSION_ID"),
-                    )
-                )
-            except IntegrityError:
-                raise RefusalError(
-                    "already-begun",
-                    "You have begun this study before: open it in the same browser to go on, or "
-                    "write to the contact of the study.",
-                ) from None
+            recruited.remember(connection, name, ids)
     return token, _state(store.pages(study, order), {}, False)
 
 

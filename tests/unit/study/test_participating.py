@@ -320,6 +320,10 @@ def test_the_same_person_begins_once(kept):
     assert numbers.read(kept, STUDY)["real"]["counts"]["began"] == 1
     begin(kept, ids={**ids, "STUDY_ID": "other"})
     begin(kept, ids={"SESSION_ID": "x"})
+    begin(kept, ids={"SESSION_ID": "x"})
+    # a lead who forgot STUDY_ID in the link: the person is still one
+    begin(kept, ids={"PROLIFIC_PID": "p"})
+    refused("already-begun", begin, kept, ids={"PROLIFIC_PID": "p"})
     # a lead may look as often as wanted, and leaves no ids
     preview = begin(kept, ids=ids, preview=True)
     assert rights.everything(kept, preview)["external"] == []

@@ -27,6 +27,7 @@ UNBUILT = (
 )
 _WORDS = {
     400: ("invalid", "The request cannot be read."),
+    401: ("no-lead", "Only the lead may see this: log in, or send the admin token."),
     404: ("not-found", "There is nothing here."),
     405: ("wrong-method", "This cannot be asked in this way."),
 }
@@ -109,6 +110,8 @@ async def _too_many(_: Request, error: Any) -> Response:
 async def _unfit(_: Request, error: Any) -> Response:
     # what was sent is not repeated: it may be personal
     first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        return _wrong(422, "The request is no valid JSON.", "invalid")
     where = ".".join(str(part)[:40] for part in first["loc"] if part != "body")
     return _wrong(422, f"{where or 'The request'}: {first['msg']}.", "invalid")
 

@@ -1,0 +1,151 @@
+"""A sweep: its runs on this machine or on a cluster, then tables and a report.
+
+The folder holds ``sweep.toml`` (the file), ``runs.csv`` (what became of every run),
+``results.csv``, ``summary.csv`` and ``fronts.csv`` (as a comparison has them, with the variant as
+first column), ``failures.txt`` if any run failed, ``manifest.json``, ``report.html``, and for each
+variant of the settings ``variants/NAME/``: a comparison with a report of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Protocol
+
+from evenhand import files
+from evenhand.errors import InputError
+from evenhand.experiments import pool, sweep_report, sweep_runs
+from evenhand.experiments.pool import Event, Outcome, Task
+from evenhand.experiments.settings import CORES
+from evenhand.experiments.sweep_settings import Job, Sweep
+from evenhand.learn import run
+
+_NOTE = "experiment.json"
+
+
+class Cluster(Protocol):
+    """Where runs can be done other than in processes of this machine."""
+
+    @property
+    def cores(self) -> int:
+        """How many it has."""
+        ...
+
+    def run_each(
+        self, jobs: Sequence[Job], out: Path, workers: int, tell: Callable[[Event], None]
+    ) -> list[Outcome]:
+        """As ``pool.run_each``; what runs made is in the folder when this returns."""
+        ...
+
+
+Watch = Callable[[Sequence[Job], int], Callable[[Event], None]]
+"""Called once with the runs and how many of them had ended before; returns where to tell."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """What became of a run.
+
+    Attributes:
+        job: which.
+        test: its numbers by metric; None if it failed.
+        seconds: that it took where it ran; None when that is not known.
+        attempts: how often it was begun this time, 0 if it had ended before.
+        failure: why it failed.
+    """
+
+    job: Job
+    test: dict[str, Any] | None
+    seconds: float | None
+    attempts: int
+    failure: str | None
+
+    @property
+    def reason(self) -> str:
+        """The failure in one line: the last one of a traceback."""
+        return (self.failure or "").strip().rpartition("\n")[2]
+
+
+def sweep(
+    plan: Sweep,
+    out: Path,
+    watch: Watch,
+    command: str,
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+) -> list[Line]:
+    """Run whatever is missing in the folder, then write tables and report.
+
+    Args:
+        plan: the runs.
+        out: folder of the sweep.
+        watch: shows progress.
+        command: noted in the manifest.
+        workers: runs at the same time; by default as many as there are cores.
+        cluster: where they run; processes of this machine by default.
+
+    Returns:
+        What became of every run, in order.
+
+    Raises:
+        InputError: when the folder cannot be written, is in use, or holds something else.
+    """
+    began = perf_counter()
+    workers = (cluster.cores if cluster else CORES) if workers is None else workers
+    if workers < 1:
+        raise InputError(f"workers is {workers}: give at least 1")
+    files.make_folder(out)
+    with files.locked(out):
+        _check_versions(out)
+        files.claim_folder(out, _NOTE, {"experiment": "sweep", "versions": _versions()})
+        files.sweep(out)
+        files.write_text(out / "sweep.toml", plan.text)
+        before = [sweep_runs.finished(job, out / job.path) is not None for job in plan.jobs]
+        left = [job for job, done in zip(plan.jobs, before, strict=True) if not done]
+        tell = watch(left, sum(before))
+        if cluster is None:
+            outcomes = pool.run_each(tasks(left, out), workers, tell)
+        else:
+            outcomes = cluster.run_each(left, out, workers, tell)
+        ended = dict(zip(left, outcomes, strict=True))
+        lines = [_line(job, out, ended.get(job)) for job in plan.jobs]
+        sweep_report.write_all(out, lines, command, workers, perf_counter() - began)
+    return lines
+
+
+def _versions() -> dict[str, str]:
+    """Of what decides results, but for Python itself."""
+    return {name: number for name, number in run.versions().items() if name != "python"}
+
+
+def _check_versions(out: Path) -> None:
+    """Numbers of other versions may be others, and are not mixed with ours."""
+    if not (out / _NOTE).exists():
+        return
+    noted = files.read_record(out / _NOTE)
+    differs = files.differences(noted.get("versions", {}), _versions())
+    if noted.get("experiment") == "sweep" and differs:
+        raise InputError(
+            f"{out} was begun with other versions ({differs}): install those, or begin anew in "
+            "another folder"
+        )
+
+
+def tasks(jobs: Sequence[Job], out: Path) -> list[Task]:
+    """The runs as tasks of processes."""
+    return [
+        Task(str(job), sweep_runs.perform, {"job": job, "folder": out / job.path}) for job in jobs
+    ]
+
+
+def _line(job: Job, out: Path, outcome: Outcome | None) -> Line:
+    folder = out / job.path
+    attempts = outcome.attempts if outcome else 0
+    if outcome is not None and outcome.failure is not None:
+        return Line(job, None, None, attempts, outcome.failure)
+    test = sweep_runs.finished(job, folder)
+    if test is None:
+        raise RuntimeError(f"{folder} holds no result of {job}, which has ended")
+    return Line(job, test, sweep_runs.seconds_of(folder), attempts, None)

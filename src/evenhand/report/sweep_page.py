@@ -1,0 +1,130 @@
+"""The page of a sweep: what became of its runs, and every variant beside the others.
+
+Takes: a folder with ``runs.csv``, ``summary.csv`` and ``manifest.json``. Gives: ``report.html`` in
+the same folder, which leads to the report of each variant. Nothing here simulates or learns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from evenhand import files
+from evenhand.report import html
+from evenhand.report.compare_data import SCHEMAS, arm_label
+from evenhand.report.compare_verdicts import algorithm_label
+from evenhand.report.compare_words import MEASURES, Number, number
+from evenhand.report.figures_compare import POOLED
+from evenhand.report.inputs import read_table
+from evenhand.report.tables import Estimate
+
+_RUNS = {
+    **dict.fromkeys(("variant", "scenario", "algorithm", "arm"), "text"),
+    "seed": "int",
+    "state": "text",
+    "attempts": "int",
+    "seconds": "number?",
+    "reason": "text?",
+    "folder": "text",
+}
+_MANIFEST = (
+    "version", "created", "command", "commit", "versions", "runs", "failed", "variants", "workers",
+    "run_seconds", "elapsed_s",
+)  # fmt: skip
+_METRICS = (*MEASURES, ("Biased epochs", "biased_epochs", False))
+
+
+def build(folder: Path | str) -> Path:
+    """Write the report of a sweep.
+
+    Args:
+        folder: of the sweep.
+
+    Returns:
+        The path of ``report.html``.
+
+    Raises:
+        InputError: a table is missing or malformed (file, row and column are named), or the
+            folder cannot be written.
+    """
+    folder = Path(folder)
+    manifest = files.read_record(folder / "manifest.json", *_MANIFEST)
+    runs = list(read_table(folder / "runs.csv", _RUNS).rows())
+    schema = {"variant": "text", **SCHEMAS["summary"]}
+    summary = list(read_table(folder / "summary.csv", schema, may_be_empty=True).rows())
+    target = folder / "report.html"
+    files.write_text(target, render(manifest, runs, summary))
+    return target
+
+
+def render(
+    manifest: Mapping[str, Any],
+    runs: Sequence[Mapping[str, Any]],
+    summary: Sequence[Mapping[str, Any]],
+) -> str:
+    """The whole page.
+
+    Args:
+        manifest: what the sweep noted of itself.
+        runs: rows of ``runs.csv``.
+        summary: rows of ``summary.csv``.
+    """
+    commit = manifest["commit"]
+    return html.fill(
+        "sweep.html.j2",
+        manifest=manifest,
+        facts=_facts(manifest, runs),
+        failed=[_failed(row) for row in runs if row["state"] == "failed"],
+        retried=sum(row["attempts"] > 1 and row["state"] == "done" for row in runs),
+        variants=_variants(manifest, summary),
+        measures=[head for head, _, _ in _METRICS],
+        versions=html.flat(manifest["versions"]),
+        commit=html.flat(commit) if commit else [],
+    )
+
+
+def _facts(manifest: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    done = len(runs) - manifest["failed"]
+    return [
+        ("Written", manifest["created"]),
+        ("Runs", f"{len(runs):,}"),
+        ("Done", f"{done:,}"),
+        ("Failed", f"{manifest['failed']:,}"),
+        ("Variants", f"{len(manifest['variants']):,}"),
+        ("Computing", html.duration(manifest["run_seconds"])),
+        ("At the same time", f"{manifest['workers']:,}"),
+        ("Last call", html.duration(manifest["elapsed_s"])),
+    ]
+
+
+def _failed(row: Mapping[str, Any]) -> tuple[str, str, int, str]:
+    """(variant, run, attempts, reason)."""
+    words = (row["scenario"], row["algorithm"], row["arm"], f"seed {row['seed']}")
+    return row["variant"], ", ".join(words), row["attempts"], row["reason"]
+
+
+def _variants(
+    manifest: Mapping[str, Any], summary: Sequence[Mapping[str, Any]]
+) -> list[tuple[str, list[tuple[str, str]], list[tuple[str, str, int, list[Number]]]]]:
+    """(name, settings, lines of (scenario, arm, seeds, numbers)) of each variant."""
+    cells: dict[tuple[str, ...], Mapping[str, Any]] = {}
+    heads: dict[str, dict[tuple[str, str, str], None]] = {}
+    for row in summary:
+        head = (row["scenario"], row["algorithm"], row["arm"])
+        cells[row["variant"], *head, row["metric"]] = row
+        if row["scenario"] != POOLED:
+            heads.setdefault(row["variant"], {})[head] = None
+    found = []
+    for name, settings in manifest["variants"].items():
+        lines = []
+        for scenario, algorithm, arm in heads.get(name, {}):
+            rows = [cells[name, scenario, algorithm, arm, metric] for _, metric, _ in _METRICS]
+            numbers = [
+                number(Estimate(row["iqm"], row["low"], row["high"], row["seeds"]), share)
+                for row, (_, _, share) in zip(rows, _METRICS, strict=True)
+            ]
+            label = ", ".join(filter(None, (arm_label(arm), algorithm_label(algorithm))))
+            lines.append((scenario, label, max(row["seeds"] for row in rows), numbers))
+        found.append((name, html.flat(settings), lines))
+    return found
