@@ -289,7 +289,11 @@ def test_nobody_is_sent_back_before_everything_is_saved(running, opened, short):
     reaches(page, "Thank you")
     assert {row["status"] for row in server.rows()} == {"finished"}
     assert page.get_attribute("#back", "href") == "https://recruit.example/done?cc=C0DE"
-    page.clock.fast_forward(20_000)
+    # nobody is taken away while deciding whether to withdraw
+    page.click("text=Withdraw and delete my answers")
+    page.clock.fast_forward(31_000)
+    page.click("text=Keep my answers")
+    page.clock.fast_forward(31_000)
     page.wait_for_url("https://recruit.example/done?cc=C0DE")
     assert went == ["https://recruit.example/done?cc=C0DE"]
 

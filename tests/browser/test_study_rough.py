@@ -100,7 +100,9 @@ def test_a_memory_that_was_meddled_with_keeps_the_place(running, opened, short, 
     assert len(server.rows()) == 5
 
 
-@pytest.mark.parametrize("token", ["\U0001f600" * 43, "x\n", 7, None])
+@pytest.mark.parametrize(
+    "token", ["\U0001f600" * 43, "x\n", 7, None], ids=["emoji", "short", "number", "nothing"]
+)
 def test_a_token_that_is_none_begins_anew(running, opened, short, token):
     server = running(short)
     page = opened(server.address)
@@ -117,9 +119,8 @@ def remember(page, meddle) -> None:
     find = "() => Object.entries(localStorage).find(([key]) => key.includes('/notes/'))"
     key, text = page.evaluate(find)
     # written when the page is gone, which writes its own
-    page.add_init_script(
-        f"localStorage.setItem({json.dumps(key)}, {json.dumps(json.dumps(meddle(json.loads(text))))})"
-    )
+    notes = json.dumps(json.dumps(meddle(json.loads(text))))
+    page.add_init_script(f"localStorage.setItem({json.dumps(key)}, {notes})")
     page.reload()
 
 
@@ -129,7 +130,7 @@ def test_a_storage_with_hardly_any_space_is_none(running, opened, short):
     page.add_init_script(
         """const set = Storage.prototype.setItem;
         Storage.prototype.setItem = function (key, value) {
-            if (key.length + value.length > 20) throw new DOMException("full", "QuotaExceededError");
+            if (key.length + value.length > 20) throw new DOMException("full");
             set.call(this, key, value);
         };"""
     )
@@ -137,3 +138,20 @@ def test_a_storage_with_hardly_any_space_is_none(running, opened, short):
     expect(page.locator("#forgetful")).to_be_visible()
     agree(page)
     reaches(page, "About you")
+
+
+def test_captions_stand_where_the_end_of_a_service_does_not(running, opened, short):
+    told = replace(short.sets[0], captions=("Who asks: a child.",))
+    server = running(replace(short, demographics=(), sets=(told,)))
+    page = opened(server.address)
+    agree(page)
+    reaches(page, "Robot 1 of 1")
+    page.check("#captions")
+    page.wait_for_function("() => document.querySelector('video').textTracks[0].cues?.length")
+    cue = page.evaluate(
+        """() => {
+            const cue = document.querySelector("video").textTracks[0].cues[0];
+            return [cue.text, cue.line];
+        }"""
+    )
+    assert cue == ["Who asks: a child.", 0]

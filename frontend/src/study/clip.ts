@@ -90,6 +90,7 @@ export class Clip {
   toggle(): void {
     if (this.failed) {
       this.failed = false;
+      this.live.textContent = "";
       this.reached = 0;
       this.video.load();
     }
@@ -131,6 +132,7 @@ export class Clip {
       if (this.failed && this.element.isConnected) this.video.load();
     });
     on("canplay", () => {
+      if (this.failed) this.live.textContent = "";
       this.failed = false;
       this.show();
     });
@@ -191,6 +193,7 @@ function seconds(value: number): string {
 function captions(text: string): HTMLTrackElement {
   const safe = text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
   const cue = safe.replace(/\s*\n\s*/g, " ");
-  const file = new Blob([`WEBVTT\n\n00:00.000 --> 99:59:59.000\n${cue}\n`], { type: "text/vtt" });
+  // at the top: clips of services say at the bottom how they ended
+  const file = new Blob([`WEBVTT\n\n00:00.000 --> 99:59:59.000 line:0\n${cue}\n`], { type: "text/vtt" });
   return el("track", { kind: "captions", label: "Captions", src: URL.createObjectURL(file) });
 }

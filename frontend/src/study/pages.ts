@@ -10,8 +10,8 @@ import { heading, introduction, stop } from "./words";
 
 /** Clips of simulated participants: the fastest that browsers play. */
 const HURRY = 16;
-/** Seconds until a participant is sent back to where she came from. */
-const STAY = 15;
+/** Seconds until a participant is sent back to where she came from; WCAG 2.2.1 asks for 20. */
+const STAY = 30;
 
 export interface Shown {
   title: string;
@@ -210,7 +210,14 @@ function finished(view: Extract<View, { kind: "finished" }>, study: Study): Show
       }, "plain");
       line.append(stay);
       nodes.push(line);
-      timer = window.setTimeout(() => location.assign(back.href), STAY * 1000);
+      const leave = () => {
+        timer = window.setTimeout(() => {
+          // nobody is taken away while deciding whether to withdraw
+          if (document.querySelector("dialog[open]")) leave();
+          else location.assign(back.href);
+        }, STAY * 1000);
+      };
+      leave();
     }
   }
   nodes.push(el("p", { class: "hint" }, back ? "" : "You can close this page."));
