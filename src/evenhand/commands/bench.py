@@ -21,9 +21,10 @@ class Bench:
     json: bool = False
     """Print JSON instead of tables."""
 
-    what: Literal["env", "audit", "film", "adapters", "sweep", "all"] = "all"
-    """The environment and an epoch, an audit, clips, wrapping an environment; or all of these. A
-    sweep of 16 runs, which takes some ten minutes, is measured only by its name."""
+    what: Literal["env", "audit", "film", "adapters", "study", "sweep", "all"] = "all"
+    """The environment and an epoch, an audit, clips, wrapping an environment, a study of 10,000
+    participants; or all of these. A sweep of 16 runs, which takes some ten minutes, is measured
+    by its name alone."""
 
     seconds: float = 15.0
     """For each of the four things that are measured of the environment, in turns of a quarter of a
@@ -37,6 +38,7 @@ class Bench:
             "audit": self._audit,
             "film": self._film,
             "adapters": self._adapters,
+            "study": self._study,
             "sweep": self._sweep,
         }
         for name, part in parts.items():
@@ -80,6 +82,14 @@ class Bench:
         found = bench_adapters.measure()
         if not self.json:
             bench_adapters.show(found)
+        return found
+
+    def _study(self) -> dict[str, Any]:
+        from evenhand import bench_study
+
+        found = bench_study.measure()
+        if not self.json:
+            bench_study.show(found)
         return found
 
     def _sweep(self) -> dict[str, Any]:

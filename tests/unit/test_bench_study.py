@@ -2,8 +2,8 @@
 
 import pytest
 
+from evenhand import bench_study as bench
 from evenhand.errors import InputError
-from evenhand.study import bench
 from support.answered import protocol
 
 
@@ -17,7 +17,7 @@ def test_a_crowd_has_as_many_participants_as_were_asked_for(monkeypatch):
 
 def test_every_part_is_timed():
     study = protocol(sets=protocol().sets[2:5], pairs=())
-    found = bench.measure(study, 3, ".parquet")
+    found = bench.measure(3, ".parquet", study)
     assert found["study_participants"] == 3
     assert found["study_rows"] > 3
     parts = [found[f"study_{name}_seconds"] for name in ("read", "analyse", "report")]
@@ -27,4 +27,4 @@ def test_every_part_is_timed():
 
 def test_no_participants_cannot_be_measured():
     with pytest.raises(InputError, match="participants is 0"):
-        bench.measure(protocol(), 0)
+        bench.measure(0)

@@ -12,7 +12,8 @@ from typing import Any
 import pyarrow as pa
 
 from evenhand import errors
-from evenhand.study import analysis, analysis_page, answers, simulate
+from evenhand import show as display
+from evenhand.study import analysis, analysis_page, answers, protocol_file, simulate
 from evenhand.study.answers import Answers
 from evenhand.study.arrow import pc
 from evenhand.study.protocol import Protocol
@@ -44,13 +45,15 @@ class Spent:
         return self.read + self.analysed + self.written
 
 
-def measure(study: Protocol, participants: int = 10_000, ending: str = ".csv") -> dict[str, Any]:
+def measure(
+    participants: int = 10_000, ending: str = ".csv", study: Protocol | None = None
+) -> dict[str, Any]:
     """Time the analysis of so many simulated participants, in processor seconds.
 
     Args:
-        study: what they take.
         participants: how many.
         ending: of the file of answers.
+        study: what they take; the paper's study by default.
 
     Returns:
         ``study_participants``, ``study_rows``, ``study_cpu_seconds`` and its parts
@@ -60,6 +63,8 @@ def measure(study: Protocol, participants: int = 10_000, ending: str = ".csv") -
         InputError: for fewer than one participant or more than a million.
     """
     errors.whole("participants", participants, 1, 1_000_000)
+    study = study or protocol_file.examine(protocol_file.PAPER, look=False)[0]
+    assert study is not None
     with tempfile.TemporaryDirectory(prefix="evenhand-") as folder:
         path = Path(folder, f"answers{ending}")
         answers.write(crowd(study, participants), path)
@@ -107,3 +112,20 @@ def _timed(study: Protocol, path: Path, folder: Path) -> Spent:
     analysed = next(ticks)
     analysis_page.write(made, found, analysis_page.Source(path.name, "bench", ""), folder)
     return Spent(len(found.participants), len(found), read, analysed, next(ticks))
+
+
+def show(found: dict[str, Any]) -> None:
+    """Print the measurements."""
+    display.table(
+        f"Analysis of {found['study_participants']:,} simulated participants, processor seconds",
+        ("answers", "to read", "to analyse", "to draw and write", "together"),
+        [
+            (
+                found["study_rows"],
+                found["study_read_seconds"],
+                found["study_analyse_seconds"],
+                found["study_report_seconds"],
+                found["study_cpu_seconds"],
+            )
+        ],
+    )
