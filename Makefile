@@ -60,9 +60,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
 		"`$(PYTHON) -V 2>&1`; Evenhand needs Python 3.11 or newer" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
-	@# most of what is installed is never imported, and need not be compiled
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt \
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
 		--editable '.[dev]'
-	@# machine code for this machine
+	@# machine code for this machine, as pip compiles what it installs
 	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
 	@touch $@
