@@ -1,7 +1,7 @@
 # Evenhand. `make` alone says what there is.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test check bench docs lock clean
+.PHONY: help reproduce test long check bench docs lock clean
 
 BIN := .venv/bin
 # The environment with everything in it, and the last of the pages that are built with it.
@@ -25,6 +25,9 @@ reproduce: $(READY) ## run the whole experiment of the paper and write its repor
 
 test: $(READY) ## run the tests (ARGS= for pytest)
 	$(BIN)/pytest -n 2 --ignore=tests/integrations --ignore=tests/browser $(ARGS)
+
+long: $(READY) ## tests that CI has no time for: sweeps, a Ray cluster, twenty kills
+	$(BIN)/pytest tests/integrations -m long $(ARGS)
 
 check: $(READY) ## format, lint, types, imports, spelling, house rules
 	$(BIN)/ruff format --check .
@@ -60,8 +63,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
 		"`$(PYTHON) -V 2>&1`; Evenhand needs Python 3.11 or newer" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
-		--editable '.[dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
+		--constraint constraints.txt --editable '.[dev]'
+	@# on all cores, what pip does on one; samples of wrong code among the packages do not matter
+	@$(BIN)/python -m compileall -q -j 0 .venv/lib >/dev/null || true
 	@# machine code for this machine, as pip compiles what it installs
 	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
 	@touch $@

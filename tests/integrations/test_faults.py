@@ -58,6 +58,7 @@ def without_clock(name: str, content: bytes) -> bytes:
     return content
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("algorithm", SEEDS)
 def test_killed_at_random_moments_a_run_ends_with_the_same_bits(killed, content, algorithm):
     """Weights, logs, services, tables, figures and pages, after twenty kills in all."""

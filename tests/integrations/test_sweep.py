@@ -32,7 +32,7 @@ people = 30
 SLOW, QUICK = "epochs=60,people=10,services=300", "epochs=3,services=300"
 CLOCKED = ("clock.json", "manifest.json", "report.html", "runs.csv")
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def steady(whole: dict[str, bytes]) -> dict[str, bytes]:

@@ -18,7 +18,7 @@ services = 300
 """
 CLOCKED = ("clock.json", "manifest.json", "report.html", "runs.csv")
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def steady(whole: dict[str, bytes]) -> dict[str, bytes]:
