@@ -114,7 +114,7 @@ def test_the_first_page_is_small(running, opened, short):
     server = running(short)
     page = opened("about:blank")
     told = []
-    page.on("response", told.append)
+    page.on("response", lambda one: told.append(one))
     page.goto(server.address)
     reaches(page, short.title)
     page.wait_for_load_state("networkidle")
