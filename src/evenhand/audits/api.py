@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evenhand import files
+from evenhand import detector_io, files
 from evenhand.audits import forms, words
 from evenhand.audits.counting import tally
 from evenhand.audits.findings import find
@@ -158,6 +158,7 @@ def audit(
     settings: AuditSettings | None = None,
     *,
     table: str | None = None,
+    detector: str | os.PathLike[str] | None = None,
     command: str = "",
     **roles: Any,
 ) -> Audit:
@@ -169,6 +170,8 @@ def audit(
         mapping: roles of the columns, or a TOML file of them; what it leaves open is found by name.
         settings: level, relevant difference, permutations, seed.
         table: in a database, which.
+        detector: file of a detector, as of `evenhand study fit`; by default the one that comes
+            with Evenhand, which learned from simulated respondents.
         command: shown as what repeats the audit.
         **roles: single fields of ``Mapping`` in place of a mapping, for instance
             ``identities=("gender",)``.
@@ -179,6 +182,7 @@ def audit(
     Raises:
         InputError: when the log cannot be read or is not what it should be.
     """
+    judge = None if detector is None else detector_io.load(Path(detector))
     log = open_source(source, table)
     if "url" in log.description:  # without its password
         for written in (shlex.quote, str):
@@ -190,8 +194,11 @@ def audit(
     finally:
         log.close()
     judged = replace(settings or AuditSettings(), depth=chosen.depth)
-    found = find(counts, judged)
-    about = _about(log, chosen, counts, command or _call(log, chosen, judged), synthetic, warnings)
+    found = find(counts, judged, judge)
+    said = command or _call(log, chosen, judged, detector)
+    about = _about(log, chosen, counts, said, synthetic, warnings)
+    if detector is not None:
+        about = replace(about, judges=f"those whose answers {Path(detector).name} was fitted to")
     return Audit(found, about, chosen)
 
 
@@ -242,13 +249,19 @@ def _about(
     )
 
 
-def _call(log: Source, mapping: Mapping, settings: AuditSettings) -> str:
+def _call(
+    log: Source,
+    mapping: Mapping,
+    settings: AuditSettings,
+    detector: str | os.PathLike[str] | None = None,
+) -> str:
     """What repeats an audit in Python."""
     told = log.description
     lasts = "files" in told or "url" in told
     source = repr(told.get("url", log.name)) if lasts else "log"
     table = f", table={told['table']!r}" if lasts and "table" in told else ""
-    return f"evenhand.audit({source}, {_made(mapping)}, {_made(settings)}{table})"
+    judge = "" if detector is None else f", detector={os.fspath(detector)!r}"
+    return f"evenhand.audit({source}, {_made(mapping)}, {_made(settings)}{table}{judge})"
 
 
 def _made(chosen: Mapping | AuditSettings) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from evenhand.audits import means, resemblance, waits
 from evenhand.audits.results import AuditSettings, Finding, Findings
 from evenhand.audits.tally import Identity, Tally, membership
+from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.inference.chance import even_gaps
 from evenhand.inference.intersections import shrink
@@ -43,12 +44,15 @@ class Groups:
     who: np.ndarray
 
 
-def find(tally: Tally, settings: AuditSettings | None = None) -> Findings:
+def find(
+    tally: Tally, settings: AuditSettings | None = None, detector: Detector | None = None
+) -> Findings:
     """Everything that an audit says of a log.
 
     Args:
         tally: counts of the log.
         settings: level, relevant difference, depth of intersections, seed.
+        detector: that is asked; the one that comes with Evenhand by default.
 
     Raises:
         InputError: for more than ``MOST_GROUPS`` groups, or a tally that does not hold together.
@@ -102,7 +106,7 @@ def find(tally: Tally, settings: AuditSettings | None = None) -> Findings:
         findings=found,
         waits=waits.compare(tally, chosen.verdict.alpha),
         measures=means.compare(tally, measuring, chosen.verdict.permutations),
-        resemblance=resemblance.ask(tally, drawing, uneven),
+        resemblance=resemblance.ask(tally, drawing, uneven, detector=detector),
         verdict=_of_the_log({one.verdict for one in found}),
         total=test.total,
         even_total=test.even_total,

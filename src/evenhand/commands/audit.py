@@ -149,6 +149,10 @@ class Audit(Columns):
     seed: int = 0
     """Of these."""
 
+    detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
+    """JSON of a detector, as of `evenhand study fit`, that is asked which discrimination the log
+    resembles; else the one that comes with Evenhand, of simulated respondents."""
+
     fail_on: Literal["nothing", "disparity", "insufficient"] = "nothing"
     """For pipelines: end with exit code 3 on a disparity; or on that and on insufficient data."""
 
@@ -172,7 +176,14 @@ class Audit(Columns):
         mapping = self.mapping()
         if self.depth is not None:
             mapping = replace(mapping, depth=self.depth)
-        found = api.audit(self.log, mapping, settings, table=self.table, command=self.words())
+        found = api.audit(
+            self.log,
+            mapping,
+            settings,
+            table=self.table,
+            detector=self.detector,
+            command=self.words(),
+        )
         for sentence in (*found.about.left_out, *found.warnings):
             print(f"note: {sentence}", file=sys.stderr)
         show.table(
