@@ -1,13 +1,15 @@
 # Evenhand. `make` alone says what there is.
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test long check bench docs lock clean
+.PHONY: help reproduce test long check bench docs sb3 lock clean
 
 BIN := .venv/bin
 # The environment with everything in it, and the last of the pages that are built with it.
 INSTALLED := .venv/.ready
 READY := src/evenhand/study/static/study.js
 OUT ?= out/reproduce
+# What is installed; dev,sb3 has all that any test wants, and takes 5 GB more.
+EXTRAS ?= dev
 # Anything else for the command: make reproduce ARGS="--seeds 2"
 ARGS ?=
 
@@ -44,7 +46,12 @@ docs: $(READY) ## build the documentation site, every warning an error
 	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
 	@echo "documentation: $(abspath docs/_build)/index.html"
 
-lock: ## write the versions of .venv into constraints.txt
+sb3: $(INSTALLED) ## add Stable-Baselines3 and PyTorch (5 GB), for their tests, example and bench
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
+		--constraint constraints.txt --editable '.[dev,sb3]'
+	@$(BIN)/python -m compileall -q -j 0 .venv/lib >/dev/null || true
+
+lock: sb3 ## write the versions of .venv into constraints.txt
 	$(BIN)/pip freeze --exclude-editable --exclude evenhand --exclude pip --exclude setuptools \
 		> constraints.txt
 
@@ -64,7 +71,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 		"`$(PYTHON) -V 2>&1`; Evenhand needs Python 3.11 or newer" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
-		--constraint constraints.txt --editable '.[dev]'
+		--constraint constraints.txt --editable '.[$(EXTRAS)]'
 	@# on all cores, what pip does on one; samples of wrong code among the packages do not matter
 	@$(BIN)/python -m compileall -q -j 0 .venv/lib >/dev/null || true
 	@# machine code for this machine, as pip compiles what it installs

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
+import re
+
 from evenhand import __version__
 
 project = "Evenhand"
@@ -52,6 +55,18 @@ def _bars(line: str) -> str:
     return "``".join(parts)
 
 
+def _without_extras(app, name: str, source: list[str]) -> None:
+    """What needs Stable-Baselines3 is left out where that is not installed: it is large."""
+    if name == "api" and importlib.util.find_spec("stable_baselines3") is None:
+        source[0] = re.sub(
+            r"(### adapters\.sb3\n\n).*?(?=\n## )",
+            r"\1Not built here: this needs the extra `sb3`.\n",
+            source[0],
+            flags=re.DOTALL,
+        )
+
+
 def setup(app) -> None:
     """Called by Sphinx."""
+    app.connect("source-read", _without_extras)
     app.connect("autodoc-process-docstring", _plain, priority=1)

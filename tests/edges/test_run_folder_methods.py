@@ -9,8 +9,8 @@ import pytest
 
 from evenhand import detector_io
 from evenhand.learn import checkpoint, imitate, run, train
-from evenhand.learn.reflection import ReflectionSettings
 from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.reflection import ReflectionSettings
 
 EVERY = 2
 BASE = replace(

@@ -38,8 +38,13 @@ def ended(side: Sequence[int], first: int = 0) -> Ended:
 
 
 def add(
-    ledger: Ledger, side: Sequence[int], late: Sequence[int], loud: Sequence[int]
+    ledger: Ledger,
+    side: Sequence[int],
+    late: Sequence[int],
+    loud: Sequence[int],
+    *,
+    afterwards: bool = False,
 ) -> np.ndarray:
     """Write services down; what evenness pays for each."""
     told = {"late": np.array(late, bool), "loud": np.array(loud, bool)}
-    return ledger.add(ended(side, len(ledger)), told)
+    return ledger.add(ended(side, len(ledger)), told, afterwards=afterwards)

@@ -12,9 +12,9 @@ from evenhand.errors import InputError
 from evenhand.guidance import GuidanceSettings
 from evenhand.learn import rivals, train
 from evenhand.learn.past import Past
-from evenhand.learn.reflection import ReflectionSettings
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import UpdateSettings
+from evenhand.reflection import ReflectionSettings
 
 ALL = ("none", *rivals.RIVALS)
 

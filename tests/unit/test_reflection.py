@@ -13,11 +13,11 @@ from evenhand.credit import CreditSettings
 from evenhand.errors import InputError
 from evenhand.learn.batches import Trajectories
 from evenhand.learn.policy import ActorCritic, Network, PolicySettings, make_policy
-from evenhand.learn.reflection import (
+from evenhand.learn.reflection import reflect
+from evenhand.reflection import (
     Past,
     Reflection,
     ReflectionSettings,
-    reflect,
     standardise,
     surprise,
 )

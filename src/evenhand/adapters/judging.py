@@ -63,10 +63,12 @@ class Judging:
         truncated: np.ndarray,
         observation: Any,
         raw: Sequence[tuple[Info, Info, int]],
+        *,
+        afterwards: bool = False,
     ) -> np.ndarray:
         """Ask for the facts of episodes that have ended, and write them into the ledger.
 
-        Arguments are the fields of ``Ended`` and ``track.Cut``.
+        Arguments are the fields of ``Ended`` and ``track.Cut``, and ``Ledger.add`` 's own.
 
         Returns:
             What evenness adds to their rewards, [m].
@@ -85,7 +87,7 @@ class Judging:
             people=None if self.queue is None else self.queue.serve(lane, rank),
             raw=raw,
         )
-        return self.ledger.add(ended, self._facts(ended))
+        return self.ledger.add(ended, self._facts(ended), afterwards=afterwards)
 
 
 class Judged:

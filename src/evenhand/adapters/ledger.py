@@ -106,12 +106,14 @@ class Ledger:
     def __len__(self) -> int:
         return self._length
 
-    def add(self, ended: Ended, told: Any) -> np.ndarray:
+    def add(self, ended: Ended, told: Any, *, afterwards: bool = False) -> np.ndarray:
         """Write services down.
 
         Args:
             ended: the episodes.
             told: what the facts function gave for them.
+            afterwards: pay when all of these have ended, so that those of a window that is over
+                are paid by that window itself; else each is paid by the windows before its own.
 
         Returns:
             What evenness adds to the reward of each, [m].
@@ -130,13 +132,16 @@ class Ledger:
             n = len(codes[part])
             to = slice(self._length, self._length + n)
             self._codes[to], self._facts[to] = codes[part], facts[part]
+            full = slice(to.stop - self.settings.services, to.stop) if n == left else None
+            if self.guided and full and afterwards:
+                self._guide.close(*self._rows(full))
             if self.guided:
                 paid[part] = self._guide.pays(*self._rows(to))
             self._paid[to] = paid[part]
             self._length += n
             begin += n
-            if self.guided and n == left:
-                self._guide.close(*self._rows(slice(to.stop - self.settings.services, to.stop)))
+            if self.guided and full and not afterwards:
+                self._guide.close(*self._rows(full))
         return paid
 
     def services(self) -> Interactions:
@@ -156,9 +161,9 @@ class Ledger:
         }
         return Interactions.build(people, facts, scheme.own)
 
-    def rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Indicators [n, K] and membership [n, G] of all services."""
-        return self._rows(slice(0, self._length))
+    def rows(self, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Indicators [n, K] and membership [n, G] of all services from the first one wanted."""
+        return self._rows(slice(first, self._length))
 
     def windows(self) -> Windows:
         """Windows that are over, judged."""

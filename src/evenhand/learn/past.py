@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import credit, guard, issues, people
-from evenhand.learn import reflection, rival_epoch, rivals
+from evenhand import credit, guard, issues, people, reflection
+from evenhand.learn import rival_epoch, rivals
 from evenhand.learn.settings import TrainSettings
 
 GUARD = guard.GuardSettings()

@@ -11,8 +11,8 @@ from evenhand import guidance, scenarios
 from evenhand.errors import InputError, unknown, whole
 from evenhand.learn import rivals
 from evenhand.learn.policy import PolicySettings
-from evenhand.learn.reflection import ReflectionSettings
 from evenhand.learn.update import UpdateSettings
+from evenhand.reflection import ReflectionSettings
 from evenhand.restaurant import needs, senses, task
 
 PRESETS = ("paper", "service")

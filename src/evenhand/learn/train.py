@@ -23,6 +23,7 @@ from evenhand.learn.policy import Actor, ActorCritic
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learner, update
 from evenhand.learn.view import view
+from evenhand.reflection import Reflection
 from evenhand.restaurant import layout, plan, serve, task
 from evenhand.restaurant.lanes import Lanes
 from evenhand.restaurant.recording import Recording, renumbered
@@ -207,7 +208,7 @@ def _reflect(
     trajectories: Trajectories,
     epoch: lesson.Epoch,
     past: Past,
-) -> tuple[reflection.Reflection, Past]:
+) -> tuple[Reflection, Past]:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""
     tau = settings.guidance.tau
     exact = credit.CreditSettings(shrink=0.0)

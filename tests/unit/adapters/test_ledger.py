@@ -128,6 +128,16 @@ class TestGuidance:
             even = 0.5 if biased else 1.0  # 1 − I is 0 and 1, or 1 and 1, of 2
             assert add(ledger, [LEFT], [0], [0])[0] == pytest.approx(factor * even)
 
+    def test_paid_afterwards_by_the_window_that_is_over(self):
+        # as above, 1 − I is 0 and 0.5 of the greatest 2: of the first window, also for the fifth
+        # service, whose own window is not over yet; then 1 and 1 of the second window
+        ledger = Ledger(SCHEME, JudgeSettings(4, GuidanceSettings("score")))
+        who, late, loud = (np.append(column, 0).tolist() for column in FIRST)
+        assert add(ledger, who, late, loud, afterwards=True).tolist() == [0.25] * 5
+        rest = add(ledger, [LEFT, RIGHT, RIGHT], [0] * 3, [0] * 3, afterwards=True)
+        assert rest.tolist() == [1.0] * 3
+        assert ledger.paid.tolist() == [0.25] * 5 + [1.0] * 3
+
     def test_a_batch_is_paid_as_its_services_one_by_one(self):
         rng = np.random.default_rng(1)
         rows = rng.integers(0, 2, (3, 60))

@@ -1,0 +1,17 @@
+"""Evenhand for Stable-Baselines3: its PPO and A2C in the restaurant, guided and examined.
+
+Needs the extra ``sb3``. ``restaurant`` makes the restaurant as an environment of
+Stable-Baselines3, ``ServiceVecEnv`` any vector environment of Gymnasium, and ``EvennessCallback``
+judges what is served in training, on any environment of theirs.
+"""
+
+from __future__ import annotations
+
+from evenhand.adapters.versions import required
+
+required("stable-baselines3", "2.7", "sb3", "the adapters for Stable-Baselines3")
+
+from evenhand.adapters.sb3.callback import EvennessCallback  # noqa: E402 - after the check
+from evenhand.adapters.sb3.vec_env import ServiceVecEnv, restaurant  # noqa: E402
+
+__all__ = ["EvennessCallback", "ServiceVecEnv", "restaurant"]

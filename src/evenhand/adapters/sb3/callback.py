@@ -1,0 +1,268 @@
+"""A callback for PPO and A2C: writes services down, pays for evenness, examines every update.
+
+A rollout is what an epoch is in the paper: when it is over, its services are scored in windows,
+each is paid by its own window where that is over too (else by the one before), advantages are
+computed anew, and the update follows. When the next rollout begins, the update is examined along
+the bias gradient of the services that ended in this one. Of a service that began in the rollout
+before, the decisions of this rollout count.
+"""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.buffers import DictRolloutBuffer, RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+
+from evenhand import credit, reflection
+from evenhand.adapters.ended import FactsOf, Info
+from evenhand.adapters.judging import Judging
+from evenhand.adapters.ledger import Ledger
+from evenhand.adapters.people import BLOCK, Sampler
+from evenhand.adapters.sb3.gradients import Weights, examine, weights_of
+from evenhand.adapters.shaping import JudgeSettings
+from evenhand.detector import Detector
+from evenhand.errors import InputError
+from evenhand.issues import count, scores_of
+from evenhand.reflection import Directions, Reflection, ReflectionSettings
+from evenhand.schemes import Scheme
+
+_REFLECT = ReflectionSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """How one episode ended: at which step of the rollout, where, and with what."""
+
+    step: int
+    lane: int
+    reward: float
+    steps: int
+    truncated: bool
+    observation: Any
+    info: Info
+    first: Info
+
+
+@dataclass(frozen=True, eq=False)
+class _Rollout:
+    """What is needed to examine the update that follows a rollout."""
+
+    before: Weights
+    observations: Any
+    actions: np.ndarray
+    service: np.ndarray
+    directions: Directions
+
+
+class EvennessCallback(BaseCallback):
+    """Judges, guides and examines the learning of PPO or A2C on any environment.
+
+    Attributes:
+        ledger: all services of training, with windows and what was paid.
+        reflections: what each update was along the bias gradient; none for an update in whose
+            rollout no service ended.
+    """
+
+    def __init__(
+        self,
+        scheme: Scheme,
+        facts: FactsOf,
+        *,
+        sampler: Sampler | None = None,
+        rng: np.random.Generator | None = None,
+        settings: JudgeSettings | None = None,
+        detector: Detector | None = None,
+        reflect: ReflectionSettings | None = _REFLECT,
+        verbose: int = 0,
+    ) -> None:
+        """Make a callback for one call of ``learn``, or for several in a row.
+
+        Args:
+            scheme: identities, facts and issues.
+            facts: from ended episodes to facts, see ``adapters.FactsOf``.
+            sampler: draws who is served, for environments that know nobody.
+            rng: source of randomness of the sampler.
+            settings: of windows and guidance.
+            detector: judges windows.
+            reflect: when an update is abnormal; None examines no update.
+            verbose: 1 prints alarms.
+
+        Raises:
+            InputError: for what does not fit together.
+        """
+        super().__init__(verbose)
+        self._parts = (scheme, facts, sampler, rng, settings, detector)
+        self._judging = Judging(0, scheme, facts, sampler, rng, settings, detector)
+        self._reflect = reflect
+        self._tau = self.ledger.settings.weights(scheme)
+        self.reflections: list[Reflection] = []
+        if reflect is not None:
+            self._past = reflection.Past.empty(len(scheme.identities), len(scheme.issues), reflect)
+        self._lanes = 0
+        self._ends: list[_End] = []
+        self._pending: _Rollout | None = None
+
+    @property
+    def ledger(self) -> Ledger:
+        """All services that have ended, with verdicts, rows and what was paid."""
+        return self._judging.ledger
+
+    def _init_callback(self) -> None:
+        if not isinstance(self.model, OnPolicyAlgorithm):
+            raise InputError(
+                f"{type(self.model).__name__} keeps no rollouts: the callback works with PPO and "
+                "A2C"
+            )
+        if type(self.model.rollout_buffer) not in (RolloutBuffer, DictRolloutBuffer):
+            raise InputError(
+                f"{type(self.model).__name__} has a {type(self.model.rollout_buffer).__name__}: "
+                "the callback works with the rollout buffers of PPO and A2C"
+            )
+
+    def _on_training_start(self) -> None:
+        lanes = self.training_env.num_envs
+        if not self._lanes:
+            self._judging = Judging(lanes, *self._parts)
+        elif lanes != self._lanes:
+            raise InputError(
+                f"the callback has watched {self._lanes} environments and is given {lanes}: make a "
+                "new callback, or keep the number"
+            )
+        if not self._lanes or self.locals["reset_num_timesteps"]:
+            # whatever was going on was cut short by the reset
+            self._total, self._steps = np.zeros(lanes), np.zeros(lanes, np.int64)
+            self._first = list(self.training_env.unwrapped.reset_infos)
+        self._lanes = lanes
+
+    def _on_rollout_start(self) -> None:
+        self._look_back()
+        self._ends = []
+
+    def _on_step(self) -> bool:
+        self._total += self.locals["rewards"]
+        self._steps += 1
+        dones, infos = self.locals["dones"], self.locals["infos"]
+        begun = self.training_env.unwrapped.reset_infos
+        for lane in np.flatnonzero(dones).tolist():
+            info = infos[lane]
+            self._ends.append(
+                _End(
+                    self.locals["n_steps"],
+                    lane,
+                    float(self._total[lane]),
+                    int(self._steps[lane]),
+                    bool(info.get("TimeLimit.truncated", False)),
+                    info.get("terminal_observation"),
+                    info,
+                    self._first[lane],
+                )
+            )
+            self._first[lane] = begun[lane]
+            self._total[lane], self._steps[lane] = 0.0, 0
+        return True
+
+    def _on_rollout_end(self) -> None:
+        if not self._ends:
+            return
+        first = len(self.ledger)
+        paid = self._write()
+        model: Any = self.model
+        buffer = model.rollout_buffer
+        if paid.any():
+            at = ([end.step for end in self._ends], [end.lane for end in self._ends])
+            buffer.rewards[at] += paid
+            buffer.compute_returns_and_advantage(self.locals["values"], self.locals["dones"])
+        x, inside = self.ledger.rows(first)
+        scheme = self.ledger.scheme
+        scores = scores_of(count(x, inside), scheme.groups, scheme.issue_names)
+        self.logger.record("evenness/total", scores.total)
+        self.logger.record("evenness/without_issue", float((x != 1.0).all(axis=1).mean()))
+        self.logger.record("evenness/services", len(self.ledger))
+        self.logger.record("evenness/paid", float(paid.mean()))
+        if self._reflect is not None:
+            exact = credit.CreditSettings(shrink=0.0)
+            influence = credit.influence(x, inside, self._tau, settings=exact)
+            self._pending = _Rollout(
+                weights_of(model.policy),
+                buffer.observations,
+                buffer.actions,
+                self._services(buffer.rewards.shape),
+                Directions.of(influence, scheme.groups, scheme.issue_names, self._tau),
+            )
+
+    def _on_training_end(self) -> None:
+        self._look_back()
+
+    def _write(self) -> np.ndarray:
+        """Write down what has ended in the rollout; what evenness pays for each, [m]."""
+        paid = [
+            self._judging.write(*_columns(self._ends[first : first + BLOCK]), afterwards=True)
+            for first in range(0, len(self._ends), BLOCK)
+        ]
+        return np.concatenate(paid)
+
+    def _services(self, shape: tuple[int, int]) -> np.ndarray:
+        """Which of the services that have ended each decision belongs to, -1 for none, [T, n]."""
+        service, begun = np.full(shape, -1), np.zeros(shape[1], np.int64)
+        for number, end in enumerate(self._ends):
+            service[begun[end.lane] : end.step + 1, end.lane] = number
+            begun[end.lane] = end.step + 1
+        return service
+
+    def _look_back(self) -> None:
+        """Examine the update that was made since the last rollout."""
+        if self._pending is None or self._reflect is None:
+            return
+        last, self._pending = self._pending, None
+        policy: Any = self.model.policy
+        observations = last.observations
+        seen = (
+            {name: _flat(one, policy) for name, one in observations.items()}
+            if isinstance(observations, dict)
+            else _flat(observations, policy)
+        )
+        actions = _flat(last.actions, policy)
+        if isinstance(self.model.action_space, spaces.Discrete):
+            actions = actions.long().flatten()
+        directions = last.directions
+        found = examine(policy, last.before, seen, actions, last.service.ravel(), directions.flat)
+        told, self._past = reflection.conclude(directions, *found, self._past, self._reflect)
+        self.reflections.append(told)
+        self.logger.record("evenness/reflection_cosine", float(told.cosine[-1, -1]))
+        self.logger.record("evenness/reflection_alarm", float(told.alarm))
+        if told.alarm and self.verbose:
+            print(
+                f"update {len(self.reflections)} is abnormal: it raises {told.issue} by "
+                f"{told.identity}, in favour of {', '.join(told.favoured)} (p = {told.p_value:.3f})"
+            )
+
+
+def _columns(ends: list[_End]) -> tuple[Any, ...]:
+    """Fields of ``Judging.write``."""
+    lane = np.array([end.lane for end in ends], np.int64)
+    rank = np.array([int((lane[:i] == one).sum()) for i, one in enumerate(lane)], np.int64)
+    truncated = np.array([end.truncated for end in ends], bool)
+    seen = [end.observation for end in ends]
+    plain = all(isinstance(one, np.ndarray | np.number) for one in seen)
+    return (
+        lane,
+        rank,
+        np.array([end.reward for end in ends], float),
+        np.array([end.steps for end in ends], np.int64),
+        ~truncated,
+        truncated,
+        np.array(seen) if plain else seen,
+        [(end.info, end.first, -1) for end in ends],
+    )
+
+
+def _flat(values: np.ndarray, policy: Any) -> torch.Tensor:
+    """[T, n, ...] as a tensor [T n, ...], a step after the other."""
+    return torch.as_tensor(values.reshape(-1, *values.shape[2:]), device=policy.device)
