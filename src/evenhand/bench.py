@@ -64,7 +64,7 @@ def measure(seconds: float) -> dict[str, Any]:
         raise InputError(f"seconds is {seconds}: give 0.01 to 600")
     actor = Actor(begin(settings_of("service", "ppo", "penalty")).policy)
     works: dict[str, Stepper] = {
-        "bare": _bare(),
+        "bare": bare(),
         "env_30": _vector(30, actor),
         "env_240": _vector(240, actor),
         "sync": _sync(30, actor),
@@ -107,7 +107,7 @@ def measure(seconds: float) -> dict[str, Any]:
     }
 
 
-def _bare() -> Stepper:
+def bare() -> Stepper:
     """One MjData stepped through recorded services."""
     recorded = _record_drives()
     model = copy.copy(scene.model())

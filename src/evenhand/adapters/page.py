@@ -19,13 +19,14 @@ from matplotlib.lines import Line2D
 
 from evenhand import files, report, templates
 from evenhand.adapters.ledger import Ledger
+from evenhand.adapters.updates import Examined, caption, updates_table
 from evenhand.adapters.verdict import findings_of
 from evenhand.audits import figures as audit_figures
 from evenhand.audits import words
 from evenhand.audits.phrases import level
 from evenhand.audits.results import AuditSettings, Findings
 from evenhand.errors import InputError
-from evenhand.report import figures, figures_compare, html, style
+from evenhand.report import figures, figures_compare, figures_reflection, html, style
 from evenhand.report.figures import Drawn, Plate
 from evenhand.report.inputs import Results
 from evenhand.report.tables import Table, say, table, trailing_mean
@@ -44,6 +45,7 @@ def write(
     title: str,
     note: str,
     tests: Mapping[str, Ledger] | None = None,
+    updates: Mapping[str, Examined] | None = None,
     settings: AuditSettings | None = None,
     command: str = "",
     created: str = "",
@@ -56,6 +58,7 @@ def write(
         title: of the page.
         note: what a reader has to know first, for instance that groups are made up.
         tests: by name, whose services are judged; by default those of ``runs``.
+        updates: by name, what self-reflection found in learning.
         settings: of the verdicts.
         command: that repeats it.
         created: when, as text.
@@ -81,6 +84,9 @@ def write(
             )
     found = {name: findings_of(ledger, settings) for name, ledger in judged.items()}
     drawn = [windows_figure(runs)]
+    if updates:
+        drawn.append(updates_figure(updates))
+    course = len(drawn)
     parts = []
     for place, (name, findings) in enumerate(found.items()):
         pictures = [
@@ -89,7 +95,7 @@ def write(
         ]
         drawn += pictures
         parts.append((f"run{place}", name, _told(findings), pictures))
-    page = _render(runs, parts, drawn[0], title, note, command, created, found)
+    page = _render(runs, parts, drawn[:course], title, note, command, created, found)
     root = files.make_folder(folder)
     figures_compare.write(files.make_folder(root / "figures"), drawn)
     services = files.make_folder(root / "services")
@@ -144,6 +150,19 @@ def windows_figure(runs: Mapping[str, Ledger]) -> Drawn:
         "what chance gives an even robot; 0 is even. Second: services without any issue; a score "
         f"means little without it. Lines: mean of the last {AVERAGE} windows; faint: each one."
         f"{judge}",
+    )
+
+
+def updates_figure(updates: Mapping[str, Examined]) -> Drawn:
+    """What each update was along the bias gradient."""
+    data = updates_table(updates)
+    return _drawn(
+        "updates",
+        "Self-reflection: updates along the bias gradient",
+        "Dot charts by run: change of the score and rarity of each update; abnormal ones marked.",
+        data,
+        lambda drawn, wide: figures_reflection.reflection_draw(drawn, wide, "update"),
+        caption(data, updates),
     )
 
 
@@ -215,7 +234,7 @@ def _told(findings: Findings) -> list[str]:
 def _render(
     runs: Mapping[str, Ledger],
     parts: Sequence[tuple[str, str, list[str], list[Drawn]]],
-    first: Drawn,
+    course: Sequence[Drawn],
     title: str,
     note: str,
     command: str,
@@ -239,7 +258,7 @@ def _render(
             ("Groups", f"{len(scheme.groups)} of {len(scheme.identities)} identities"),
             ("Issues", ", ".join(scheme.issue_names)),
         ],
-        windows=html.figure_context(first),
+        course=[html.figure_context(one) for one in course],
         parts=[
             (anchor, name, told, [html.figure_context(one) for one in pictures])
             for anchor, name, told, pictures in parts

@@ -21,10 +21,10 @@ class Bench:
     json: bool = False
     """Print JSON instead of tables."""
 
-    what: Literal["env", "audit", "film", "adapters", "study", "sweep", "all"] = "all"
+    what: Literal["env", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = "all"
     """The environment and an epoch, an audit, clips, wrapping an environment, a study of 10,000
-    participants; or all of these. A sweep of 16 runs, which takes some ten minutes, is measured
-    by its name alone."""
+    participants; or all of these. Measured by their names alone: a sweep of 16 runs, which takes
+    some ten minutes, and training beside Stable-Baselines3 (extra sb3)."""
 
     seconds: float = 15.0
     """For each of the four things that are measured of the environment, in turns of a quarter of a
@@ -40,9 +40,10 @@ class Bench:
             "adapters": self._adapters,
             "study": self._study,
             "sweep": self._sweep,
+            "sb3": self._sb3,
         }
         for name, part in parts.items():
-            if self.what == name or (self.what == "all" and name != "sweep"):
+            if self.what == name or (self.what == "all" and name not in ("sweep", "sb3")):
                 found |= part()
         if self.json:
             print(json.dumps(found))
@@ -99,4 +100,15 @@ class Bench:
         found = bench_sweep.measure()
         if not self.json:
             bench_sweep.show(found)
+        return found
+
+    def _sb3(self) -> dict[str, Any]:
+        inputs.load_physics()
+        from evenhand import bench_sb3
+        from evenhand.learn.runtime import set_up_jax
+
+        set_up_jax()
+        found = bench_sb3.measure()
+        if not self.json:
+            bench_sb3.show(found)
         return found

@@ -44,18 +44,28 @@ _UPDATE: dict[str, Any] = {
 
 
 def reflection_data(results: Results) -> Table:
-    """Every examined update; ``able`` says whether enough earlier ones were there for an alarm.
+    """Every examined update, see `able_or_not`."""
+    return able_or_not(results["reflection"])
+
+
+def able_or_not(data: Table) -> Table:
+    """Examined updates with a column more: ``able``, whether an alarm could have been raised.
 
     Of m earlier updates and itself an update ranks 1/(m + 1) at best: no alarm can be raised
     before that is down at the stated rate.
     """
-    data = results["reflection"]
     able = 1.0 / (np.maximum(data["earlier"], 0) + 1.0) <= data["rate"]
     return Table({**data.columns, "able": able.astype(np.int64)})
 
 
-def reflection_draw(data: Table, wide: bool) -> Figure:
-    """One column an arm: the change of the score above, how rare the update is below."""
+def reflection_draw(data: Table, wide: bool, unit: str = "epoch") -> Figure:
+    """One column an arm: the change of the score above, how rare the update is below.
+
+    Args:
+        data: from `reflection_data`.
+        wide: for a wide screen.
+        unit: what updates are counted in.
+    """
     cells = _arms(data)
     shape = (2, len(cells)) if wide else (2 * len(cells), 1)
     height = 4.3 if wide else 3.5 * len(cells) + 0.7
@@ -83,7 +93,7 @@ def reflection_draw(data: Table, wide: bool) -> Figure:
         below.set_ylim(1.2, low)  # the rarest on top
         marks = [tick for tick in (1.0, 0.1, 0.01, 0.001) if tick >= low]
         below.set_yticks(marks, [f"{100 * tick:g} %" for tick in marks])
-        below.set_xlabel("epoch")
+        below.set_xlabel(unit)
         for ax in (above, below):
             ax.yaxis.set_minor_locator(NullLocator())
             _too_few(ax, part)

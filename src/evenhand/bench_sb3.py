@@ -1,0 +1,225 @@
+"""Time to train one PPO arm of the restaurant: Evenhand, and Stable-Baselines3 in two ways.
+
+All do the same work: they serve as many people by the same untrained behaviour, and take as many
+gradient steps, each on as many decisions. The learning rate is next to nothing, so that behaviour,
+and with it the work, stays the same on all sides; a step takes as long whatever it moves. Sides
+take turns, and every ratio is a median over rounds, of wall time: the learners may use all cores.
+"""
+
+# pyright: reportMissingImports=false
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from evenhand import bench, detector_io
+from evenhand import show as display
+from evenhand.adapters import JudgeSettings
+from evenhand.adapters.restaurant import SCHEME, facts_of
+from evenhand.errors import whole
+from evenhand.learn import train
+from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.restaurant.env import RestaurantEnv
+
+STILL = 1e-12
+"""Learning rate."""
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What one side did in its turn."""
+
+    seconds: float
+    services: int
+    decisions: int
+    gradient_steps: int
+
+
+def measure(epochs: int = 30) -> dict[str, Any]:
+    """Train in turns.
+
+    Args:
+        epochs: of 30 services, in a turn.
+
+    Returns:
+        ``sb3_physics_s``: seconds that bare ``mj_step`` takes for 1,000 such services, which no
+        learner can do without; ``sb3_ratio``: wall time of Stable-Baselines3 over single
+        environments (its own ``DummyVecEnv``) to Evenhand's; ``sb3_ratio_adapter``: over the
+        adapter, to Evenhand's;
+        ``sb3_ratio_callback``: over the adapter with guidance and self-reflection, to the same
+        without; and for each side seconds for 1,000 services, decisions a second, decisions of a
+        service, gradient steps and their size.
+
+    Raises:
+        InputError: when Stable-Baselines3 is not there or too old, or for no epochs.
+    """
+    whole("epochs", epochs, 2, 1000)
+    from evenhand.adapters import sb3  # says so where it is missing
+
+    settings = settings_of("service", "ppo", "none", epochs=epochs)
+    update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
+    settings = replace(settings, update=update, reflect=False)
+    first = _evenhand(replace(settings, epochs=2))  # warm
+    steps = round(first.decisions / first.services)
+
+    def single(lanes: int) -> Any:
+        from stable_baselines3.common.env_util import make_vec_env
+
+        return make_vec_env(RestaurantEnv, lanes, seed=0)
+
+    sides: dict[str, Callable[[], Turn]] = {
+        "evenhand": lambda: _evenhand(settings),
+        "adapter": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=False),
+        "guided": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=True),
+        "single": _sb3(settings, single, steps, guided=False),
+    }
+    turns: dict[str, list[Turn]] = {name: [] for name in sides}
+    bare, rates = bench.bare(), []
+    for _ in range(_ROUNDS):
+        began = perf_counter()
+        rates.append(bare(1.0)[0] / (perf_counter() - began))
+        for name, side in sides.items():
+            turns[name].append(side())
+
+    def ratio(a: str, b: str) -> float:
+        pairs = zip(turns[a], turns[b], strict=True)
+        each = [(x.seconds / x.services) / (y.seconds / y.services) for x, y in pairs]
+        return round(float(np.median(each)), 2)
+
+    driven = 1000 * first.decisions / first.services * settings.task.interval
+    return {
+        "sb3_physics_s": round(driven / float(np.median(rates)), 2),
+        "sb3_ratio": ratio("single", "evenhand"),
+        "sb3_ratio_adapter": ratio("adapter", "evenhand"),
+        "sb3_ratio_callback": ratio("guided", "adapter"),
+        "sb3_sides": {name: _told(each) for name, each in turns.items()},
+    }
+
+
+def _told(turns: list[Turn]) -> dict[str, float]:
+    services = sum(turn.services for turn in turns)
+    decisions = sum(turn.decisions for turn in turns)
+    steps = sum(turn.gradient_steps for turn in turns)
+    seconds = [turn.seconds / turn.services for turn in turns]
+    return {
+        "seconds_per_1000_services": round(1000 * float(np.median(seconds)), 2),
+        "decisions_per_s": round(decisions / sum(turn.seconds for turn in turns)),
+        "decisions_per_service": round(decisions / services, 1),
+        "gradient_steps": steps,
+        "decisions_per_gradient_step": round(decisions * 4 / steps),
+    }
+
+
+def _evenhand(settings: TrainSettings) -> Turn:
+    judge = detector_io.load(detector_io.SHIPPED)
+    began, physics = perf_counter(), 0
+    for record in train.train(settings, judge):
+        physics += record.numbers["physics_steps"]
+    spent = perf_counter() - began
+    # a service that is answered ends by a decision in which nobody drives
+    services = settings.people * settings.epochs
+    steps = settings.epochs * settings.update.passes * settings.update.minibatches
+    return Turn(spent, services, physics // settings.task.interval + services, steps)
+
+
+def _sb3(
+    settings: TrainSettings, make: Callable[[int], Any], steps: int, guided: bool
+) -> Callable[[], Turn]:
+    """A turn of Stable-Baselines3 with the same network and settings."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+
+    from evenhand.adapters.sb3 import EvennessCallback
+    from evenhand.guidance import guided as guidance
+
+    class Until(BaseCallback):
+        """Stops when so many services have ended."""
+
+        def __init__(self, services: int) -> None:
+            super().__init__()
+            self.services, self.ended = services, 0
+
+        def _on_step(self) -> bool:
+            self.ended += int(self.locals["dones"].sum())
+            return self.ended < self.services
+
+    update, wanted = settings.update, settings.people * settings.epochs
+    while steps * settings.people % update.minibatches:  # steps of one size
+        steps += 1
+    model = PPO(
+        "MlpPolicy",
+        make(settings.people),
+        learning_rate=STILL,
+        n_steps=steps,
+        batch_size=steps * settings.people // update.minibatches,
+        n_epochs=update.passes,
+        gamma=update.gamma,
+        gae_lambda=update.gae_lambda,
+        clip_range=update.clip,
+        ent_coef=update.entropy_coefficient,
+        vf_coef=update.value_coefficient,
+        max_grad_norm=update.max_grad_norm,
+        policy_kwargs={"net_arch": list(settings.policy.hidden)},
+        device="cpu",
+        seed=0,
+    )
+    rate = settings.policy.initial_response_rate
+    policy: Any = model.policy
+    with torch.no_grad():
+        policy.action_net.bias.copy_(torch.log(torch.tensor([1 - rate, rate])))
+    model.learn(steps * settings.people)  # warm
+
+    def turn() -> Turn:
+        until = Until(wanted)
+        callbacks: list[BaseCallback] = [until]
+        if guided:
+            chosen = JudgeSettings(guidance=guidance("levelup"))
+            callbacks.append(EvennessCallback(SCHEME, facts_of, settings=chosen))
+        updates = model._n_updates
+        began = perf_counter()
+        model.learn(10**9, CallbackList(callbacks))
+        spent = perf_counter() - began
+        taken = (model._n_updates - updates) * update.minibatches
+        return Turn(spent, until.ended, model.num_timesteps, taken)
+
+    return turn
+
+
+def show(found: dict[str, Any]) -> None:
+    """Print the measurements."""
+    names = {
+        "evenhand": "Evenhand",
+        "adapter": "Stable-Baselines3, adapter",
+        "guided": "the same, guided and examined",
+        "single": "Stable-Baselines3, single environments",
+    }
+    sides = found["sb3_sides"]
+    display.table(
+        f"Training by PPO: single environments take {found['sb3_ratio']} times as long as "
+        f"Evenhand, the adapter {found['sb3_ratio_adapter']} times; the callback "
+        f"{found['sb3_ratio_callback']} times that",
+        (
+            "",
+            "s for 1,000 services",
+            "decisions a second",
+            "decisions a service",
+            "a gradient step",
+        ),
+        [
+            (
+                label,
+                sides[name]["seconds_per_1000_services"],
+                sides[name]["decisions_per_s"],
+                sides[name]["decisions_per_service"],
+                sides[name]["decisions_per_gradient_step"],
+            )
+            for name, label in names.items()
+        ]
+        + [("bare mj_step, nobody learns", found["sb3_physics_s"], "", "", "")],
+    )

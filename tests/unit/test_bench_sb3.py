@@ -1,0 +1,33 @@
+"""The bench beside Stable-Baselines3: that all sides do the same work, not how fast."""
+
+import pytest
+
+from support.extras import wanted
+
+wanted("stable_baselines3", "evenhand[sb3]")
+
+from evenhand import bench_sb3  # noqa: E402
+from evenhand.errors import InputError  # noqa: E402
+
+
+@pytest.mark.slow
+def test_all_sides_do_the_same_work(capsys, monkeypatch):
+    monkeypatch.setattr(bench_sb3, "_ROUNDS", 1)
+    found = bench_sb3.measure(4)
+    sides = found["sb3_sides"]
+    ours = sides["evenhand"]
+    assert set(sides) == {"evenhand", "adapter", "guided", "single"}
+    assert ours["gradient_steps"] == 4 * 16
+    for side in sides.values():
+        assert side["decisions_per_service"] == pytest.approx(
+            ours["decisions_per_service"], rel=0.5
+        )
+        assert side["gradient_steps"] == pytest.approx(ours["gradient_steps"], rel=0.5)
+    bench_sb3.show(found)
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"single environments take {found['sb3_ratio']} times as long" in out
+
+
+def test_no_epochs():
+    with pytest.raises(InputError, match="epochs is 0"):
+        bench_sb3.measure(0)
