@@ -28,7 +28,11 @@ wanted("stable_baselines3", "evenhand[sb3]")
 import torch  # noqa: E402
 from stable_baselines3 import A2C, DQN, PPO  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList  # noqa: E402
-from stable_baselines3.common.vec_env import DummyVecEnv  # noqa: E402
+from stable_baselines3.common.vec_env import (  # noqa: E402
+    DummyVecEnv,
+    SubprocVecEnv,
+    VecNormalize,
+)
 
 from evenhand.adapters.restaurant import SCHEME, facts_of  # noqa: E402
 from evenhand.adapters.sb3 import EvennessCallback, ServiceVecEnv, restaurant  # noqa: E402
@@ -261,6 +265,73 @@ def test_rewards_that_know_no_group_raise_few_alarms():
     callback = examined(Plant(-1))
     # 0.02 of 80 updates are 1.6; 7 and more have a chance below 0.002
     assert sum(one.alarm for one in callback.reflections) < 7
+
+
+class Counted(toys.Toy):
+    """Sees a number alone."""
+
+    observation_space = gym.spaces.Discrete(10)
+
+    def _seen(self):
+        return self.at
+
+
+class Several(toys.Toy):
+    """Takes two actions at once."""
+
+    action_space = gym.spaces.MultiDiscrete([2, 3])
+
+
+class Free(toys.Toy):
+    """Takes any number as its action."""
+
+    action_space = gym.spaces.Box(-1.0, 1.0, (2,))
+
+
+SHORT = Scheme(toys.SCHEME.identities, (Fact("steps", int, 1),), toys.SCHEME.issues[:1])
+
+
+def short_facts(ended):
+    side = np.where(ended.lane % 2 == 0, "left", "right").tolist()
+    return {"steps": ended.steps, "who": ended.first_info("who"), "side": side}
+
+
+@pytest.mark.parametrize(
+    ("env", "policy", "options"),
+    [
+        (lambda: toys.Toy("dict"), "MultiInputPolicy", {}),
+        (Counted, "MlpPolicy", {}),
+        (Several, "MlpPolicy", {}),
+        (Free, "MlpPolicy", {}),
+        (Free, "MlpPolicy", {"use_sde": True}),
+    ],
+    ids=["dict", "discrete", "several", "continuous", "noise that depends on the state"],
+)
+def test_other_observations_and_actions(env, policy, options):
+    callback = EvennessCallback(SHORT, short_facts, settings=JudgeSettings(4, guided("score")))
+    model = A2C(policy, DummyVecEnv([env] * 3), n_steps=16, **(SMALL | options))
+    model.learn(16 * 3 * 4, callback)
+    assert len(callback.reflections) == 4
+    assert len(callback.ledger) > 30
+    cosines = [one.cosine[-1, -1] for one in callback.reflections]
+    assert np.isfinite(cosines).any()
+
+
+@pytest.mark.parametrize("wrapped", ["normalised", "processes"])
+def test_other_ways_of_many_environments(wrapped):
+    plain = EvennessCallback(toys.SCHEME, toys.facts_of)
+    A2C("MlpPolicy", DummyVecEnv([toys.Toy] * 2), n_steps=16, **SMALL).learn(96, plain)
+    envs = (
+        VecNormalize(DummyVecEnv([toys.Toy] * 2), norm_reward=False)
+        if wrapped == "normalised"
+        else SubprocVecEnv([toys.Toy] * 2)
+    )
+    callback = EvennessCallback(toys.SCHEME, toys.facts_of)
+    A2C("MlpPolicy", envs, n_steps=16, **SMALL).learn(96, callback)
+    envs.close()
+    assert len(callback.ledger) == len(plain.ledger) > 15
+    for a, b in zip(callback.ledger.rows(), plain.ledger.rows(), strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 def test_numbers_go_where_its_own_go(tmp_path):

@@ -64,6 +64,9 @@ class _Rollout:
 class EvennessCallback(BaseCallback):
     """Judges, guides and examines the learning of PPO or A2C on any environment.
 
+    Services of a rollout that another callback breaks off are left out, as that rollout is not
+    learned from.
+
     Attributes:
         ledger: all services of training, with windows and what was paid.
         reflections: what each update was along the bias gradient; none for an update in whose
@@ -189,9 +192,11 @@ class EvennessCallback(BaseCallback):
         if self._reflect is not None:
             exact = credit.CreditSettings(shrink=0.0)
             influence = credit.influence(x, inside, self._tau, settings=exact)
+            seen = buffer.observations
             self._pending = _Rollout(
                 weights_of(model.policy),
-                buffer.observations,
+                # the buffer changes its dict while it is learned from, but not the arrays
+                dict(seen) if isinstance(seen, dict) else seen,
                 buffer.actions,
                 self._services(buffer.rewards.shape),
                 Directions.of(influence, scheme.groups, scheme.issue_names, self._tau),
