@@ -13,6 +13,13 @@ EXTRAS ?= dev
 # Anything else for the command: make reproduce ARGS="--seeds 2"
 ARGS ?=
 
+# uv installs and compiles on all cores; pip, which is slower, also knows mirrors that only its own
+# configuration names.
+install = $(BIN)/uv pip install --quiet --python $(BIN)/python --compile-bytecode \
+		--constraint constraints.txt --editable $(1) \
+	|| $(BIN)/pip install --quiet --disable-pip-version-check \
+		--constraint constraints.txt --editable $(1)
+
 # The first Python that is new enough and can make environments.
 PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python3.14; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
@@ -47,9 +54,7 @@ docs: $(READY) ## build the documentation site, every warning an error
 	@echo "documentation: $(abspath docs/_build)/index.html"
 
 sb3: $(INSTALLED) ## add Stable-Baselines3 and PyTorch (5 GB), for their tests, example and bench
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
-		--constraint constraints.txt --editable '.[dev,sb3]'
-	@$(BIN)/python -m compileall -q -j 0 .venv/lib >/dev/null || true
+	$(call install,'.[dev,sb3]')
 
 lock: sb3 ## write the versions of .venv into constraints.txt
 	$(BIN)/pip freeze --exclude-editable --exclude evenhand --exclude pip --exclude setuptools \
@@ -70,10 +75,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
 		"`$(PYTHON) -V 2>&1`; Evenhand needs Python 3.11 or newer" >&2; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile \
-		--constraint constraints.txt --editable '.[$(EXTRAS)]'
-	@# on all cores, what pip does on one; samples of wrong code among the packages do not matter
-	@$(BIN)/python -m compileall -q -j 0 .venv/lib >/dev/null || true
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt uv
+	$(call install,'.[$(EXTRAS)]')
 	@# machine code for this machine, as pip compiles what it installs
 	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
 	@touch $@

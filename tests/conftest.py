@@ -15,6 +15,9 @@ import pytest
 from hypothesis import settings
 
 os.environ["JAX_PLATFORMS"] = "cpu"  # before anything imports jax
+with contextlib.suppress(ImportError):
+    # before any test draws, see evenhand.adapters.sb3.loading
+    import triton  # pyright: ignore[reportMissingImports]  # noqa: F401
 # A shell that starts tests in the background has Ctrl-C ignored, and processes inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -11,6 +11,10 @@ from evenhand.adapters.versions import required
 
 required("stable-baselines3", "2.7", "sb3", "the adapters for Stable-Baselines3")
 
+from evenhand.adapters.sb3.loading import triton_first  # noqa: E402 - after the check
+
+triton_first()
+
 from evenhand.adapters.sb3.callback import EvennessCallback  # noqa: E402 - after the check
 from evenhand.adapters.sb3.vec_env import ServiceVecEnv, restaurant  # noqa: E402
 
