@@ -53,6 +53,11 @@ def unsendable(*, tell: Tell) -> Any:
     return lambda: None
 
 
+def hears_ctrl_c(*, tell: Tell) -> bool:
+    """Whether this process would be interrupted from the terminal."""
+    return signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 def linger(*, tell: Tell, folder: Path) -> None:
     """Note which process this is, then work until ended."""
     (folder / str(os.getpid())).touch()

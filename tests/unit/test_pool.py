@@ -158,6 +158,22 @@ def program(apart, alive, tmp_path) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
+def test_no_worker_hears_ctrl_c_not_even_the_first_one_of_a_program(tmp_path):
+    script = tmp_path / "main.py"
+    script.write_text(
+        MAIN.replace(
+            'pool_tasks.linger, {"folder": Path(sys.argv[1])}', "pool_tasks.hears_ctrl_c, {}"
+        )
+        .replace("    run_all(", "    print(run_all(")
+        .replace("lambda units, numbers: None)", "lambda units, numbers: None))")
+    )
+    environment = {**os.environ, "PYTHONPATH": str(HERE)}
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, env=environment, check=True
+    )
+    assert done.stdout == "[False, False]\n"
+
+
 def test_ctrl_c_ends_every_process(program, apart, alive):
     ended = apart.interrupt(program)
     assert ended.code == -signal.SIGINT
