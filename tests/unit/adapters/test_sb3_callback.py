@@ -324,7 +324,7 @@ def test_other_ways_of_many_environments(wrapped):
     envs = (
         VecNormalize(DummyVecEnv([toys.Toy] * 2), norm_reward=False)
         if wrapped == "normalised"
-        else SubprocVecEnv([toys.Toy] * 2)
+        else SubprocVecEnv([toys.Toy] * 2, start_method="spawn")  # a fork server would stay
     )
     callback = EvennessCallback(toys.SCHEME, toys.facts_of)
     A2C("MlpPolicy", envs, n_steps=16, **SMALL).learn(96, callback)
