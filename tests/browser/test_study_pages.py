@@ -178,6 +178,7 @@ def test_a_clip_cannot_be_skipped_and_can_be_seen_again(running, opened, clips):
     page.check("#q-fair-0")
     page.check("#q-issue-0")
     go_on(page)
+    reaches(page, "A short question")
     saved(page)
     kept = server.store
     with kept.read() as connection:
