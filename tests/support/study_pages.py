@@ -165,6 +165,8 @@ def reaches(page, heading: str) -> None:
 
 def saved(page) -> None:
     """Wait until nothing waits to be saved."""
+    # the words stay as they are while a page is saved quickly
+    expect(page.locator("#saved")).to_have_attribute("data-saved", "saved")
     expect(page.locator("#saved")).to_contain_text("Everything so far is saved")
 
 

@@ -31,6 +31,7 @@ export function frame(walk: Walk): { update(): void } {
   let timer = 0;
   walk.told = (saved, waiting) => {
     clearTimeout(timer);
+    byId("saved").dataset.saved = saved; // at once; the words wait, so that they do not flicker
     if (saved === "saving") timer = window.setTimeout(() => say(walk, saved, waiting), BRIEF);
     else say(walk, saved, waiting);
   };
