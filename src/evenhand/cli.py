@@ -10,12 +10,12 @@ import io
 import os
 import re
 import shlex
-import signal
 import sys
 import types
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from evenhand.commands import interrupts
 from evenhand.errors import InputError, WorkerLostError, unknown
 from evenhand.experiments.pool import one_thread
 
@@ -76,14 +76,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 when all went well, 1 when a worker process or a run of a sweep was lost or the
         output cannot be written, 2 for wrong input, 130 after Ctrl-C.
     """
-    interrupted: list[int] = []
     if arguments is None:
-        _listen(interrupted)
+        interrupts.listen()
     one_thread()
     try:
-        code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
-        sys.stdout.flush()
-        return code
+        try:
+            code = _dispatch(list(sys.argv[1:] if arguments is None else arguments))
+            sys.stdout.flush()
+            return code
+        finally:
+            interrupts.over()
     except InputError as error:
         return _complain(str(error), 2)
     except WorkerLostError as error:
@@ -100,30 +102,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = error.filename or "the output"
         return _complain(f"{where} cannot be written: {error.strerror}: free some space", 1)
     except Exception:
-        if not interrupted:
+        if not interrupts.heard():
             raise
         return _complain(_STOPPED, 130)  # a library may make another error of Ctrl-C
-
-
-def _listen(interrupted: list[int]) -> None:
-    """Note Ctrl-C before it is raised, and leave in order when a batch system ends us."""
-
-    def note(number: int, _: Any) -> None:
-        interrupted.append(number)
-        raise KeyboardInterrupt
-
-    def raise_again(lost: Any) -> None:
-        if lost.exc_type is KeyboardInterrupt:
-            signal.setitimer(signal.ITIMER_REAL, 0.01)
-        else:
-            sys.__unraisablehook__(lost)
-
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is to be ignored
-        signal.signal(signal.SIGINT, note)
-        # what is raised while memory is collected comes to nothing; the alarm comes a bit later
-        signal.signal(signal.SIGALRM, note)
-        sys.unraisablehook = raise_again
-    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
 
 
 def _complain(sentence: str, code: int) -> int:

@@ -98,8 +98,9 @@ def test_a_full_disk(apart, tmp_path, monkeypatch):
 # --- Ctrl-C, and other ends ---
 
 STUB = """
-import os, signal, sys, time
+import atexit, os, signal, sys, time
 from evenhand import cli
+from evenhand.commands import interrupts
 from evenhand.errors import WorkerLostError
 
 class Dying:
@@ -117,6 +118,28 @@ def stopped_while_a_library_loads(words):
         time.sleep(600)
     except KeyboardInterrupt:
         raise ImportError("initialization failed")
+
+def lost_and_made_another_error(words):
+    atexit.register(time.sleep, 0.2)  # as long as it takes to end a program with large libraries
+    Dying()
+    raise RuntimeError("the work was broken off")
+
+def expected_and_lost(words):
+    atexit.register(time.sleep, 0.2)
+    with interrupts.expected():
+        Dying()
+        raise RuntimeError("the work was broken off")
+    return 0
+
+def expected_and_came_through(words):
+    with interrupts.expected():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(600)
+    return 0
+
+def expected_and_did_not_come(words):
+    with interrupts.expected():
+        raise ZeroDivisionError("a defect")
 
 def ended(words):
     os.kill(os.getpid(), signal.SIGTERM)
@@ -138,6 +161,10 @@ sys.exit(cli.main())
     [
         ("stopped_while_memory_is_collected", 130, "evenhand: stopped; what was finished is kept"),
         ("stopped_while_a_library_loads", 130, "evenhand: stopped; what was finished is kept"),
+        ("lost_and_made_another_error", 130, "evenhand: stopped; what was finished is kept"),
+        ("expected_and_lost", 0, ""),
+        ("expected_and_came_through", 0, ""),
+        ("expected_and_did_not_come", 1, "Traceback (most recent call last):"),
         ("ended", 143, ""),
         ("lost", 1, "evenhand: a worker is gone"),
         ("defect", 1, "Traceback (most recent call last):"),
@@ -147,5 +174,6 @@ def test_how_a_command_can_end(apart, what, code, said):
     done = apart.of(sys.executable, "-c", STUB)(what, timeout=120)
     assert (done.code, done.out) == (code, "")
     assert done.err.startswith(said)
-    assert done.err.count("\n") <= 1 or what == "defect"
-    assert ("Traceback" in done.err) == (what == "defect")
+    defect = "a defect" in done.err
+    assert defect == ("Traceback" in done.err) == said.startswith("Traceback")
+    assert done.err.count("\n") <= 1 or defect

@@ -2,7 +2,6 @@
 
 import os
 import socket
-import threading
 import urllib.request
 
 import pytest
@@ -107,13 +106,10 @@ def _listening(port: int) -> set[str]:
 
 def test_two_at_once_take_two_ports(apart, tmp_path):
     env = _quiet_home(tmp_path)
-    one, other = (apart.start("view", cwd=tmp_path, env=env) for _ in range(2))
-    try:
+    with (
+        apart.at_work("view", when=lambda: True, cwd=tmp_path, env=env) as one,
+        apart.at_work("view", when=lambda: True, cwd=tmp_path, env=env) as other,
+    ):
         addresses = {process.stdout.readline().split()[1] for process in (one, other)}
         assert len(addresses) == 2
-    finally:
-        for process in (one, other):
-            stop = threading.Timer(60, process.kill)
-            stop.start()
-            assert apart.interrupt(process).code == 0
-            stop.cancel()
+        assert [apart.interrupt(process).code for process in (one, other)] == [0, 0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import socket
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
-from evenhand.commands import inputs
+from evenhand.commands import inputs, interrupts
 from evenhand.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 
@@ -87,7 +86,7 @@ class View:
 
         shift = Shift(cast, self.seed)
         title = f"{cast.name}; scenario {cast.scenario}, seed {self.seed}"
-        with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        with interrupts.expected():
             studio.show(
                 shift,
                 title,
