@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from evenhand import issues
-from evenhand.inference import chance, permutation, sequential, survival, verdicts, windows
+from evenhand.inference import (
+    chance,
+    intervals,
+    permutation,
+    sequential,
+    survival,
+    verdicts,
+    windows,
+)
 from evenhand.issues import Counts
 
 
@@ -36,6 +44,7 @@ def opposite(counts: Counts) -> Counts:
     )
 
 
+LIMITS = (intervals.wilson, intervals.clopper_pearson)
 SIZES = (
     chance.squared_gap,
     chance.even_gaps,
@@ -58,7 +67,7 @@ def test_a_group_and_its_complement_say_the_same(window):
         np.testing.assert_allclose(law(counts), law(swapped(counts)), atol=1e-9)
     for law in SIGNED:
         np.testing.assert_allclose(law(counts), -law(swapped(counts)), atol=1e-9)
-    (low, high), (low_, high_) = chance.newcombe(counts), chance.newcombe(swapped(counts))
+    (low, high), (low_, high_) = intervals.newcombe(counts), intervals.newcombe(swapped(counts))
     np.testing.assert_allclose(low, -high_, atol=1e-9)
     np.testing.assert_allclose(high, -low_, atol=1e-9)
 
@@ -82,10 +91,10 @@ def test_shrinking_never_turns_or_lengthens_a_gap(window, strength, way):
     assert (np.abs(shrunk[known]) <= np.abs(gap[known]) + 1e-12).all()
 
 
-@given(drawn_windows(), st.floats(0.01, 0.999))
-def test_an_interval_holds_its_gap_and_stays_within_1(window, level):
+@given(drawn_windows(), st.floats(0.01, 0.999), st.sampled_from(LIMITS))
+def test_an_interval_holds_its_gap_and_stays_within_1(window, level, limits):
     counts = issues.count(*window)
-    low, high = chance.newcombe(counts, level)
+    low, high = intervals.newcombe(counts, level, limits)
     gap = issues.signed_gaps(counts)
     known = ~np.isnan(gap)
     np.testing.assert_array_equal(known, ~np.isnan(low))

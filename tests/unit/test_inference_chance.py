@@ -1,14 +1,13 @@
-"""Chance-corrected gaps, standard errors and intervals: by hand, by enumeration, by statsmodels."""
+"""Chance-corrected gaps and standard errors: by hand, by enumeration."""
 
 import itertools
 
 import numpy as np
 import pytest
 from scipy.stats import binom
-from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
 from evenhand.errors import InputError
-from evenhand.inference import chance
+from evenhand.inference import chance, intervals
 from evenhand.issues import Counts
 
 NAN = np.nan
@@ -125,38 +124,6 @@ class TestShrinking:
             chance.shrunk_gaps(cell, way="treshold")  # codespell:ignore
 
 
-CELLS = [(70, 56, 80, 48), (10, 9, 10, 3), (10, 0, 20, 0), (5, 5, 7, 0), (3, 0, 900, 400)]
-
-
-class TestIntervals:
-    def test_newcombe_s_own_example(self):
-        # 56/70 − 48/80, Newcombe 1998, table II, method 10.
-        low, high = chance.newcombe(counts((70, 56, 80, 48)))
-        assert (round(low.item(), 4), round(high.item(), 4)) == (0.0524, 0.3339)
-
-    @pytest.mark.parametrize("level", [0.5, 0.95, 0.9994])
-    def test_against_statsmodels(self, level):
-        low, high = chance.newcombe(counts(*CELLS), level)
-        for cell, found in zip(CELLS, np.stack([low, high], -1)[:, 0], strict=True):
-            n, x, m, y = cell
-            expected = confint_proportions_2indep(x, n, y, m, method="newcomb", alpha=1 - level)
-            np.testing.assert_allclose(found, np.array(expected), atol=1e-12)
-
-    def test_wilson_against_statsmodels(self):
-        x, n = np.array([0, 3, 10, 1]), np.array([10, 10, 10, 4000])
-        expected = proportion_confint(x, n, alpha=0.1, method="wilson")
-        np.testing.assert_allclose(chance.wilson(x, n, 0.9), np.array(expected), atol=1e-12)
-
-    def test_an_empty_side_has_no_interval(self):
-        for limit in chance.newcombe(counts((0, 0, 5, 1), (5, 1, 0, 0), (0, 0, 0, 0))):
-            assert np.isnan(limit).all()
-
-    @pytest.mark.parametrize("level", [0.0, 1.0, -1, NAN])
-    def test_a_level_outside_0_to_1(self, level):
-        with pytest.raises(InputError, match="level is"):
-            chance.newcombe(counts((70, 56, 80, 48)), level)
-
-
 @pytest.mark.parametrize("cell", [(4, -1, 5, 2), (4, 5, 5, 2), (NAN, 1, 5, 2), (4, 1, np.inf, 2)])
 @pytest.mark.parametrize(
     "compute",
@@ -165,7 +132,7 @@ class TestIntervals:
         chance.even_gaps,
         chance.standard_error,
         chance.shrunk_gaps,
-        chance.newcombe,
+        intervals.newcombe,
     ],
 )
 def test_counts_that_cannot_be(cell, compute):

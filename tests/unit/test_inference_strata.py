@@ -26,6 +26,7 @@ def test_by_hand():
     lp, up = proportion_confint(p * n, n, method="wilson")
     lq, uq = proportion_confint(q * m, m, method="wilson")
     assert found.difference.item() == pytest.approx(p - q)
+    assert found.weight.item() == 17
     assert found.low.item() == pytest.approx(p - q - np.hypot(p - lp, uq - q))
     assert found.high.item() == pytest.approx(p - q + np.hypot(up - p, q - lq))
 

@@ -134,6 +134,38 @@ class TestVerdicts:
         assert verdicts.judge(x, inside, rng).verdict.item() == DISPARITY
         assert verdicts.judge(x, inside, rng, strata=place).verdict.item() == INSUFFICIENT
 
+    @pytest.mark.parametrize("shared", [0, 10])
+    def test_services_that_have_no_others_to_be_compared_with_do_not_count(self, shared):
+        """2,000 here and 2,000 there, of whom at most ten have others of their own place."""
+        place = np.repeat([0, 1], 2000)
+        place[:shared] = 1
+        inside = (np.arange(4000) < 2000).astype(float)[:, None]
+        x = (np.arange(4000) % 10 == 0).astype(float)[:, None]
+        assert verdicts.judge_counts(count(x, inside)).verdict.item() == NO_EVIDENCE
+        rng = np.random.default_rng(3)
+        rows = verdicts.judge(x, inside, rng, strata=place)
+        table, _ = verdicts.judge_table(x, inside, np.ones(4000, int), rng, strata=place)
+        for found in (rows, table):
+            assert found.verdict.item() == INSUFFICIENT
+            assert np.isnan([found.gap, found.low, found.high, found.needed]).all() == (shared == 0)
+        # ten against 2,000 know as much as W = 10·2000/2010, which is of two equal sides of 19.9
+        if shared:
+            side = rows.needed_side.item()
+            assert rows.needed.item() == table.needed.item()
+            assert rows.needed.item() == pytest.approx(
+                side * 2 * 2000 / (2 * 10 * 2000 / 2010), abs=1
+            )
+
+    def test_strata_that_are_alike_need_as_many_as_none(self):
+        place = np.tile([0, 1], 600)
+        inside = (np.arange(1200) % 6 < 2).astype(float)[:, None]
+        x = (np.arange(1200) % 5 == 0).astype(float)[:, None]
+        rng = np.random.default_rng(4)
+        alone = verdicts.judge(x, inside, rng)
+        within = verdicts.judge(x, inside, rng, strata=place)
+        assert within.verdict.item() == alone.verdict.item() == NO_EVIDENCE
+        assert within.needed.item() == alone.needed.item()
+
     @pytest.mark.parametrize(
         "wrong",
         [

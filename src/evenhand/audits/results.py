@@ -47,8 +47,8 @@ class Finding:
         rest_n: services of all others to which it applies.
         rest_rate: their rate.
         difference: rate − rest_rate; NaN if a side is empty.
-        low: lower limit of the difference; all limits of an audit hold together (Newcombe's,
-            with Bonferroni's adjustment); NaN if a side is empty.
+        low: lower limit of the difference; all limits of an audit hold together (Newcombe's from
+            exact limits of both rates, with Bonferroni's adjustment); NaN if a side is empty.
         high: upper limit.
         corrected: |difference| less what chance gives on average; below 0 where chance gives more.
         p: of the permutation test by itself; NaN if a side is empty.

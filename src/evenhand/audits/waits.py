@@ -12,7 +12,7 @@ from scipy.special import ndtr, ndtri
 
 from evenhand.audits.results import WaitFinding
 from evenhand.audits.tally import Identity, Tally, Waits
-from evenhand.inference.chance import recovered_limits, wilson
+from evenhand.inference.intervals import recovered_limits, wilson
 from evenhand.inference.windows import holm
 
 ROUNDING = 1e-12

@@ -1,4 +1,4 @@
-"""What a gap is worth: chance taken out of Eq. 1 and 2, standard errors, intervals.
+"""What a gap is worth: chance taken out of Eq. 1 and 2, standard errors, shrinking.
 
 Pure functions of counts (:class:`evenhand.issues.Counts`), so that windows can be pooled by adding
 them. Shapes: G groups, K issues; leading axes, for instance many windows, are carried along. A gap
@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
-from scipy.special import gammaln, ndtri
+from scipy.special import gammaln
 
 from evenhand.errors import InputError, unknown
 from evenhand.issues import Counts, Scores, gaps, issue_score, signed_gaps
@@ -265,75 +265,3 @@ def shrunk_gaps(counts: Counts, strength: float = 1.0, way: str = "threshold") -
         return np.sign(gap) * np.maximum(0.0, size - margin)
     kept = np.maximum(0.0, 1.0 - (margin / np.where(size > 0, size, 1.0)) ** 2)
     return gap * kept
-
-
-# --- intervals ----------------------------------------------------------------------------------
-
-
-def wilson(x: np.ndarray, n: np.ndarray, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-    """Wilson's limits of a share x/n.
-
-    Args:
-        x: how many, any shape.
-        n: of how many.
-        level: of the interval.
-
-    Returns:
-        Lower and upper limit; NaN where n is 0.
-
-    Raises:
-        InputError: for a level outside (0, 1).
-    """
-    check_level("level", level)
-    z = float(-ndtri((1 - level) / 2))
-    size = np.where(np.asarray(n) > 0, n, np.nan)
-    share = x / size
-    middle = share + z**2 / (2 * size)
-    half = z * np.sqrt(share * (1 - share) / size + z**2 / (4 * size**2))
-    whole = 1 + z**2 / size
-    # Rounding must push no limit past the share itself, nor out of [0, 1].
-    low = np.clip((middle - half) / whole, 0.0, share)
-    return low, np.clip((middle + half) / whole, share, 1.0)
-
-
-def newcombe(counts: Counts, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-    """Limits of a signed gap, from the Wilson limits of both sides.
-
-    With d = p − q: d − sqrt((p − l_p)² + (u_q − q)²) and d + sqrt((u_p − p)² + (q − l_q)²)
-    (Newcombe, Statistics in Medicine 1998, method 10).
-
-    Args:
-        counts: [..., G, K].
-        level: of each interval by itself.
-
-    Returns:
-        Lower and upper limit, [..., G, K], in [−1, 1]; NaN where a side is empty.
-
-    Raises:
-        InputError: for impossible counts or a level outside (0, 1).
-    """
-    check_counts(counts)
-    inside = wilson(counts.inside_x, counts.inside_n, level)
-    outside = wilson(counts.outside_x, counts.outside_n, level)
-    p = counts.inside_x / np.where(counts.inside_n > 0, counts.inside_n, np.nan)
-    q = counts.outside_x / np.where(counts.outside_n > 0, counts.outside_n, np.nan)
-    return recovered_limits(p, inside, q, outside)
-
-
-def recovered_limits(
-    p: np.ndarray,
-    p_limits: tuple[np.ndarray, np.ndarray],
-    q: np.ndarray,
-    q_limits: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Limits of p − q from the limits of two independent estimates (Newcombe's square and add).
-
-    Args:
-        p: first estimate, any shape.
-        p_limits: its lower and upper limit.
-        q: second estimate.
-        q_limits: its lower and upper limit.
-    """
-    low = p - q - np.hypot(p - p_limits[0], q_limits[1] - q)
-    high = p - q + np.hypot(p_limits[1] - p, q - q_limits[0])
-    return low, high

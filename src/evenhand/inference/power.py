@@ -14,7 +14,8 @@ import numpy as np
 
 from evenhand import errors
 from evenhand.errors import InputError
-from evenhand.inference.chance import check_level, wilson
+from evenhand.inference.chance import check_level
+from evenhand.inference.intervals import wilson
 from evenhand.inference.windows import count_windows, find_in_windows
 from evenhand.issues import gaps, issue_score, total
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenhand.inference.chance import check_counts, check_level, recovered_limits, wilson
+from evenhand.inference.chance import check_counts, check_level
+from evenhand.inference.intervals import ShareLimits, recovered_limits, wilson
 from evenhand.issues import Counts
 
 
@@ -26,25 +27,31 @@ class Within:
         high: upper limit.
         even_difference: what chance alone gives on average, E|difference|, were everybody of a
             stratum served alike (normal approximation).
+        weight: Σ w, 0 where no stratum has both sides: what the strata know of the difference.
+            Of one stratum it is the smaller side, s times the larger one, divided by 1 + s.
     """
 
     difference: np.ndarray
     low: np.ndarray
     high: np.ndarray
     even_difference: np.ndarray
+    weight: np.ndarray
 
 
-def mantel_haenszel(parts: Sequence[Counts], level: float = 0.95) -> Within:
+def mantel_haenszel(
+    parts: Sequence[Counts], level: float = 0.95, of_a_share: ShareLimits = wilson
+) -> Within:
     """Mantel and Haenszel's difference with stratified Newcombe limits.
 
     Each side has the rate r = Σ w x/n / Σ w. Its variance is that of one sample of the size
-    (Σ w)² / Σ (w²/n), whose Wilson limits are combined as Newcombe does: in the manner of Yan and
+    (Σ w)² / Σ (w²/n), whose limits are combined as Newcombe does: in the manner of Yan and
     Su (Statistics in Biopharmaceutical Research 2, 2010). With one stratum these are Newcombe's
     own limits; a side without cases stays as unsure as its size makes it.
 
     Args:
         parts: counts of each stratum, [..., G, K].
         level: coverage of each pair of limits.
+        of_a_share: limits of each side, see :func:`evenhand.inference.intervals.newcombe`.
 
     Raises:
         InputError: for impossible counts or a level outside (0, 1).
@@ -75,8 +82,8 @@ def mantel_haenszel(parts: Sequence[Counts], level: float = 0.95) -> Within:
         rate = risen / total
         size = np.where(known, total**2 / np.where(known, spread, 1.0), 0.0)
         rates.append(rate)
-        limits.append(wilson(rate * size, size, level))
+        limits.append(of_a_share(rate * size, size, level))
     low, high = recovered_limits(rates[0], limits[0], rates[1], limits[1])
     even = np.sqrt(2 / np.pi * chance) / total
     found = (np.where(known, values, np.nan) for values in (rates[0] - rates[1], low, high, even))
-    return Within(*found)
+    return Within(*found, weight)

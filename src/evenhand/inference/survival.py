@@ -16,7 +16,8 @@ from scipy.special import ndtr, ndtri
 
 from evenhand import errors
 from evenhand.errors import InputError
-from evenhand.inference.chance import check_level, recovered_limits, wilson
+from evenhand.inference.chance import check_level
+from evenhand.inference.intervals import recovered_limits, wilson
 from evenhand.inference.permutation import CELLS, adjusted, exceedances, orders
 from evenhand.interactions import Interactions
 

@@ -3,10 +3,12 @@
 For every group and issue of a window:
 
 1. *disparity*: the p-value, adjusted for all groups and issues, is at most alpha. A p-value from
-   permutations has its own standard error added first (:func:`evenhand.permutation.settled`), so
-   that another seed rarely turns the verdict; that makes the test a little stricter than alpha.
+   permutations has its own standard error added first, so that another seed rarely turns the
+   verdict (:func:`evenhand.inference.permutation.settled`); that makes the test a little stricter
+   than alpha.
 2. else *insufficient data*: a side is empty, or the smaller side has fewer services than it takes
-   to find a relevant difference ``delta`` with the stated power.
+   to find a relevant difference ``delta`` with the stated power. Within strata only services count
+   that have others of the same stratum to be compared with.
 3. else *no evidence*: a difference of ``delta`` would probably have been found, and was not.
 
 No evidence is not evidence of evenness for differences smaller than ``delta``.
@@ -14,6 +16,7 @@ No evidence is not evidence of evenness for differences smaller than ``delta``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,9 +24,10 @@ from scipy.special import ndtri
 
 from evenhand import errors
 from evenhand.errors import InputError
-from evenhand.inference.chance import check_counts, check_level, newcombe
+from evenhand.inference.chance import check_counts, check_level
+from evenhand.inference.intervals import clopper_pearson, newcombe
 from evenhand.inference.permutation import PermutationTest, permutation_test
-from evenhand.inference.strata import mantel_haenszel
+from evenhand.inference.strata import Within, mantel_haenszel
 from evenhand.inference.tables import Table
 from evenhand.inference.windows import fisher, holm
 from evenhand.issues import Counts, count, signed_gaps
@@ -70,15 +74,16 @@ class Verdicts:
     Attributes:
         counts: services and issues on both sides.
         gap: signed difference of the rates; NaN where a side is empty.
-        low: lower limit of the gap; all limits hold together with probability 1 − alpha
-            (Bonferroni), so that they speak like the verdict.
+        low: lower limit of the gap (Newcombe's, from Clopper and Pearson's limits of the sides);
+            all limits are meant to hold together with probability 1 − alpha (Bonferroni), so that
+            they speak like the verdict.
         high: upper limit.
         p: p-value of each gap by itself; NaN where a side is empty.
         p_adjusted: p-value adjusted for all groups and issues.
         verdict: one of ``VERDICTS``.
         needed_side: services that the smaller side needs for ``delta``; never missing.
-        needed: services that the whole window needs if both sides grow alike; NaN where a side
-            is empty, for its share is not known.
+        needed: services that the whole window needs if both sides grow alike, in every stratum;
+            NaN where a side is empty or no stratum has both, for its share is not known.
     """
 
     counts: Counts
@@ -106,16 +111,19 @@ def judge(
         inside: membership, [n, G], NaN where unknown.
         rng: source of randomness.
         settings: level, relevant difference, power.
-        strata: whole numbers [n]; services are compared within one only. The gap and its
-            limits stay those of the whole window.
+        strata: whole numbers [n]; services are compared within one only, and so are the gap and
+            its limits, see :mod:`evenhand.inference.strata`.
 
     Raises:
         InputError: for rows that do not match, or values other than 0, 1 and NaN.
     """
     chosen = settings or VerdictSettings()
     test = permutation_test(x, inside, rng, chosen.permutations, strata)
-    counts = count(np.asarray(x, float), np.asarray(inside, float))
-    return _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen)
+    x, inside = np.asarray(x, float), np.asarray(inside, float)
+    apart = [] if strata is None else [strata == one for one in np.unique(strata)]
+    within = _within([count(x[rows], inside[rows]) for rows in apart], chosen)
+    counts = count(x, inside)
+    return _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen, within)
 
 
 def judge_table(
@@ -149,12 +157,10 @@ def judge_table(
     chosen = settings or VerdictSettings()
     table = Table.of(x, inside, n, strata, who)
     test = table.test(rng, chosen.permutations, totalled)
+    within = _within([one.observed() for one in table.strata], chosen)
     counts = table.counts()
-    found = _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen)
-    if len(table.strata) > 1:
-        parts = [one.observed() for one in table.strata]
-        within = mantel_haenszel(parts, 1 - chosen.alpha / found.gap.size)
-        found = replace(found, gap=within.difference, low=within.low, high=within.high)
+    found = _verdicts(counts, test.p, test.p_adjusted, test.p_settled, chosen, within)
+    if within is not None:
         test = replace(test, even_gap=within.even_difference)
     return found, test
 
@@ -176,35 +182,51 @@ def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> Ver
     return _verdicts(counts, p, adjusted, adjusted, settings or VerdictSettings())
 
 
+def _within(parts: Sequence[Counts], settings: VerdictSettings) -> Within | None:
+    """What the strata say, [G, K]; nothing unless there are several."""
+    if len(parts) < 2:
+        return None
+    level = 1 - settings.alpha / np.size(parts[0].inside_n)
+    return mantel_haenszel(parts, level, clopper_pearson)
+
+
 def _verdicts(
     counts: Counts,
     p: np.ndarray,
     adjusted: np.ndarray,
     held: np.ndarray,
     settings: VerdictSettings,
+    within: Within | None = None,
 ) -> Verdicts:
     smaller = np.minimum(counts.inside_n, counts.outside_n)
     larger = np.maximum(counts.inside_n, counts.outside_n)
     side = needed_side(counts, settings)
-    comparisons = side.shape[-1] * side.shape[-2]
-    low, high = newcombe(counts, 1 - settings.alpha / comparisons)
     some = smaller > 0
-    whole = np.ceil(side * (1 + larger / np.where(some, smaller, 1)))
+    if within is None:
+        gap, useful = signed_gaps(counts), smaller
+        comparisons = side.shape[-1] * side.shape[-2]
+        low, high = newcombe(counts, 1 - settings.alpha / comparisons, clopper_pearson)
+    else:
+        gap, low, high = within.difference, within.low, within.high
+        # the smaller side of a window without strata that knows as much; whole if strata are alike
+        useful = np.round(within.weight * (1 + smaller / np.where(larger > 0, larger, 1)), 6)
+        some = some & (useful > 0)
+    growth = (1 + larger / np.where(some, smaller, 1)) * (smaller / np.where(some, useful, 1))
     verdict = np.select(
-        [np.nan_to_num(held, nan=np.inf) <= settings.alpha, smaller < side],
+        [np.nan_to_num(held, nan=np.inf) <= settings.alpha, useful < side],
         [DISPARITY, INSUFFICIENT],
         NO_EVIDENCE,
     )
     return Verdicts(
         counts=counts,
-        gap=signed_gaps(counts),
+        gap=gap,
         low=low,
         high=high,
         p=p,
         p_adjusted=adjusted,
         verdict=verdict,
         needed_side=side,
-        needed=np.where(some, whole, np.nan),
+        needed=np.where(some, np.ceil(side * growth), np.nan),
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenhand.inference.chance import newcombe
+from evenhand.inference.intervals import newcombe
 from evenhand.issues import Counts
 from evenhand.report import tables
 from evenhand.report.tables import Estimate
