@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from evenhand.errors import InputError, unknown
 
@@ -89,10 +90,45 @@ def fact_column(name: str, values: Any, kind: pa.DataType) -> pa.Array:
             # Arrow is slow to narrow numbers, but says which does not fit
             values = short if (short == values).all() else values
     try:
-        column = pa.array(values, mask=mask, from_pandas=True)
-        return column if column.type == kind else column.cast(kind)
+        return of_kind(pa.array(values, mask=mask, from_pandas=True), kind)
     except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
         raise InputError(f"fact {name!r}: {error}") from error
+
+
+def coded(name: str, codes: Any, categories: Sequence[str]) -> pa.Array:
+    """An identity from codes; a code of -1 is null.
+
+    Raises:
+        InputError: for codes out of range or not whole, or a category that stands there twice.
+    """
+    codes = np.asarray(codes)
+    whole = codes.dtype.kind in "biu" or not codes.size or (codes == np.round(codes)).all()
+    if not whole or (codes.size and (codes.min() < -1 or codes.max() >= len(categories))):
+        raise InputError(
+            f"identity {name!r}: codes must be whole numbers of -1 to {len(categories) - 1}"
+        )
+    if len(set(categories)) < len(categories):
+        raise InputError(f"identity {name!r} has a category twice: {', '.join(categories)}")
+    index = pa.array(codes.astype(np.int32), mask=codes < 0)
+    return pa.DictionaryArray.from_arrays(index, pa.array(list(categories)))
+
+
+def of_kind(column: pa.Array, kind: pa.DataType) -> pa.Array:
+    """A column of a fact's type, with null where a number was NaN.
+
+    Raises:
+        pyarrow.ArrowInvalid: for values that are not of this type; of a fact that is yes or no, for
+            other numbers than 1 and 0.
+        pyarrow.ArrowNotImplementedError: for a type that cannot become this one.
+    """
+    column = without_nan(column)  # Arrow takes NaN for true, and for no whole number
+    if kind == pa.bool_() and (
+        pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
+    ):
+        for value in pc.unique(column.drop_null())[:3].to_pylist():
+            if value not in (0, 1):
+                raise pa.ArrowInvalid(f"{value:g} is neither 1 (yes) nor 0 (no)")
+    return column if column.type == kind else without_nan(column.cast(kind))
 
 
 def categorical(column: pa.Array) -> pa.Array:
@@ -110,4 +146,4 @@ def without_nan(column: pa.Array) -> pa.Array:
     """Numbers with null where they were NaN."""
     if not pa.types.is_floating(column.type):
         return column
-    return pa.array(column.to_numpy(zero_copy_only=False), from_pandas=True)
+    return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)

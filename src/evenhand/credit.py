@@ -7,9 +7,14 @@ epoch, G groups, K issues.
 Rates, signs and noise come from counts pooled over the last epochs (30 services alone say little
 about 22 groups), but only services of the current epoch get weights, and these are divided by the
 numbers of the current epoch. This is the right scale: 1/n_g times the sum over the n_g current
-services of (x - b) ∇log π estimates ∇p(g) with any baseline b, so every epoch gives the whole
-gradient for the policy that acted in it. Divided by the pooled number it would come out as many
-times too small as there are windows. A pooled rate is merely a less noisy baseline.
+services of (x - b) ∇log π estimates ∇p(g), so every epoch gives the whole gradient for the policy
+that acted in it. Divided by the pooled number it would come out as many times too small as there
+are windows.
+
+A pooled rate is a less noisy baseline b. For an issue that everybody can have any b is unbiased.
+For one of responses only (quality, priority), whose rate is E[x a] / E[a] with a = 1 for a
+response, b ≠ p leaves (p − b) ∇log E[a]: while rates change from epoch to epoch, pooling also pulls
+a little at how often the robot responds. ``windows=1`` has no such pull, and more noise.
 """
 
 from __future__ import annotations

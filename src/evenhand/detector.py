@@ -282,6 +282,12 @@ def fit(
     scores, y, names = checked_judgements(issue_scores, biased, kinds, tuple(issues))
     if np.ptp(scores, axis=0).max() == 0:
         raise InputError("all judged windows have the same issue scores: nothing can be learned")
+    for issue, spread in zip(issues, scores.std(axis=0), strict=True):
+        if 0 < spread < SMALLEST_SCALE:
+            raise InputError(
+                f"the scores of {issue!r} hardly differ in the judged windows (standard deviation "
+                f"{spread:.0e}): round them, or leave the issue out"
+            )
     n_kept = min(COMPONENTS, scores.shape[1])
     if len(scores) < n_kept:
         raise InputError(f"{len(scores)} judgements are too few: give at least {n_kept}")

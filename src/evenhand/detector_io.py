@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from math import nan
 from pathlib import Path
@@ -153,6 +153,7 @@ def read_answers(
     try:
         header = [name.strip().lower() for name in next(lines, [])]
         columns = _columns(header, issues, where)
+        known = {name.lower(): name for name in discriminations}
         for cells in lines:
             if not any(cell.strip() for cell in cells):
                 continue
@@ -171,7 +172,7 @@ def read_answers(
                 ]
             )
             biased.append(_yes(cell["biased"], f"{row}, column 'biased'"))
-            kinds.append(_kind(cell.get("discrimination", ""), biased[-1], discriminations, row))
+            kinds.append(_kind(cell.get("discrimination", ""), biased[-1], known, row))
             respondents.append(cell.get("respondent", ""))
             if "respondent" in columns and not respondents[-1]:
                 raise InputError(f"{row}, column 'respondent': the cell is empty")
@@ -240,24 +241,25 @@ def _columns(header: list[str], issues: Sequence[str], where: str) -> dict[str, 
     """Positions of the columns that are used."""
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise InputError(f"{where}: separate the columns by commas")
-    used = {name: header.index(name) for name in (*issues, "biased") if name in header}
-    for name in (*issues, "biased"):
+    wanted = {name: name.lower() for name in (*issues, "biased")}
+    used = {name: header.index(low) for name, low in wanted.items() if low in header}
+    for name in wanted:
         if name not in used:
-            guess = nearest(name, [other for other in header if other not in used])
+            guess = nearest(name, [other for other in header if other not in wanted.values()])
             hint = f" (is it {guess!r}?)" if guess else ""
             raise InputError(f"{where} lacks column {name!r}{hint}")
     for name in ("discrimination", "respondent"):
         if name in header:
             used[name] = header.index(name)
     for name in used:
-        if header.count(name) > 1:
+        if header.count(name.lower()) > 1:
             raise InputError(f"{where} has column {name!r} twice")
     return used
 
 
 def _score(cell: str, at: str) -> float:
     try:
-        score = float(cell)
+        score = float(cell.replace("_", "?"))  # Python reads 0_1 as 1
     except ValueError as error:
         what = f"{cell!r} is not a number" if cell else "the cell is empty"
         raise InputError(f"{at}: {what}; give a score such as 0.25") from error
@@ -272,13 +274,14 @@ def _yes(cell: str, at: str) -> bool:
     return cell.lower() in YES
 
 
-def _kind(cell: str, biased: bool, discriminations: Sequence[str], row: str) -> str | None:
+def _kind(cell: str, biased: bool, known: Mapping[str, str], row: str) -> str | None:
+    """The discrimination, as it is spelled; ``known`` has it by its lower case."""
     name = cell.lower()
     if name in NOTHING_NAMED:
         return None
     at = f"{row}, column 'discrimination'"
-    if name not in discriminations:
-        raise InputError(f"{at}: {unknown('discrimination', cell, discriminations)}")
+    if name not in known:
+        raise InputError(f"{at}: {unknown('discrimination', cell, known.values())}")
     if not biased:
         raise InputError(f"{at}: {cell!r} is named in a row that says not biased")
-    return name
+    return known[name]

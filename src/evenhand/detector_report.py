@@ -127,7 +127,8 @@ def evaluate(
         The evaluation.
 
     Raises:
-        InputError: as ``detector.fit``, or too few answers or respondents for the folds.
+        InputError: as ``detector.fit``, too few answers or respondents for the folds, or folds
+            without which all others say the same.
     """
     scores, y, names = checked_judgements(issue_scores, biased, kinds, tuple(issues))
     fold = _folds(y, folds, seed, groups)
@@ -240,6 +241,13 @@ def _folds(
         splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
         parts = splitter.split(y, y, who)
     fold = np.empty(len(y), dtype=np.int64)
-    for number, (_, held) in enumerate(parts):
+    for number, (rest, held) in enumerate(parts):
         fold[held] = number
+        if y[rest].all() or not y[rest].any():
+            only = "biased" if y[rest].all() else "not biased"
+            raise InputError(
+                f"without the respondents of one of {folds} folds all judgements are {only!r}, so "
+                "accuracy for new people cannot be told: ask more people, until several have "
+                "given each answer"
+            )
     return fold

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from numbers import Integral
 
 
 class InputError(ValueError):
@@ -22,9 +23,9 @@ def whole(name: str, value: int, least: int, most: int) -> None:
     """Check a whole number.
 
     Raises:
-        InputError: when it lies outside ``least`` to ``most``.
+        InputError: when it lies outside ``least`` to ``most``, or is not whole.
     """
-    if not least <= value <= most:
+    if not (isinstance(value, Integral) and least <= value <= most):
         raise InputError(f"{name} is {value}: give a whole number from {least} to {most}")
 
 

@@ -19,7 +19,16 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
-from evenhand.columns import FACTS, categorical, fact_column, kinds_of, note_of, own_of, without_nan
+from evenhand.columns import (
+    FACTS,
+    categorical,
+    coded,
+    fact_column,
+    kinds_of,
+    note_of,
+    of_kind,
+    own_of,
+)
 from evenhand.errors import InputError, unknown
 
 _IDENTITIES_KEY, _OWN_KEY = b"evenhand.identities", b"evenhand.own_facts"
@@ -88,16 +97,12 @@ class Interactions:
             own: types of facts that ``FACTS`` does not hold.
 
         Raises:
-            InputError: for codes out of range, unknown or wrongly typed facts, or columns of
-                unequal length.
+            InputError: for codes out of range or not whole, a category that stands there twice,
+                unknown or wrongly typed facts, or columns of unequal length.
         """
         columns: dict[str, pa.Array] = {}
         for name, (codes, categories) in identities.items():
-            codes = np.asarray(codes)
-            if codes.size and (codes.min() < -1 or codes.max() >= len(categories)):
-                raise InputError(f"identity {name!r}: codes must lie in -1..{len(categories) - 1}")
-            index = pa.array(codes.astype(np.int32), mask=codes < 0)
-            columns[name] = pa.DictionaryArray.from_arrays(index, pa.array(list(categories)))
+            columns[name] = coded(name, codes, categories)
         kinds = kinds_of(own)
         for name, values in facts.items():
             if name not in kinds:
@@ -135,7 +140,7 @@ class Interactions:
                 if name in identities:
                     columns.append(categorical(column))
                 elif name in kinds:
-                    columns.append(without_nan(column.cast(kinds[name])))
+                    columns.append(of_kind(column, kinds[name]))
                 else:
                     raise unknown("fact", name, kinds)
             except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
@@ -253,6 +258,8 @@ class Interactions:
     def fact(self, name: str) -> np.ndarray:
         """A fact as numbers: float64 [n] with NaN for null; text as objects with None.
 
+        Whole numbers beyond 2^53 are rounded to the next float.
+
         Raises:
             InputError: when the column is absent.
         """
@@ -261,7 +268,7 @@ class Interactions:
         column = self._table[name]
         if pa.types.is_string(column.type):
             return column.to_numpy()
-        return pc.cast(column, pa.float64()).to_numpy()
+        return pc.cast(column, pa.float64(), safe=False).to_numpy()
 
     def identity(self, name: str) -> tuple[np.ndarray, tuple[str, ...]]:
         """Codes int64 [n] (-1 for missing) and categories of an identity.
@@ -277,7 +284,7 @@ class Interactions:
 
     def take(self, rows: np.ndarray) -> Interactions:
         """The rows at these indices, or where this mask is true."""
-        rows = np.asarray(rows)
+        rows = np.asarray(rows) if np.size(rows) else np.empty(0, np.int64)
         picked = self._table.filter(rows) if rows.dtype == bool else self._table.take(rows)
         return Interactions(picked, self._identities, self._own)
 

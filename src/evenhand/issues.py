@@ -75,13 +75,20 @@ def paper_issues(thresholds: Thresholds | None = None) -> tuple[Issue, ...]:
     def willingness(x: Facts) -> np.ndarray:
         return 1.0 - x.fact("responded")
 
+    def of_response(x: Facts, name: str) -> np.ndarray:
+        """A fact of the response; missing without one, though a log may hold its last value."""
+        value = x.fact(name)
+        if "responded" in x:
+            value = np.where(x.fact("responded") == 0.0, np.nan, value)
+        return value
+
     def quality(x: Facts) -> np.ndarray:
-        distance = x.fact("response_distance")
+        distance = of_response(x, "response_distance")
         improper = (distance < limit.nearest) | (distance > limit.farthest)
         return np.where(np.isnan(distance), np.nan, improper)
 
     def priority(x: Facts) -> np.ndarray:
-        step = x.fact("response_step")
+        step = of_response(x, "response_step")
         return np.where(np.isnan(step), np.nan, step > limit.late)
 
     def risk(x: Facts) -> np.ndarray:

@@ -30,6 +30,9 @@ import numpy as np
 from evenhand.credit import Influence
 from evenhand.errors import InputError, whole
 
+_ROUNDING = 1e-9
+"""1 / (1/49) is a bit more than 49."""
+
 
 @dataclass(frozen=True)
 class ReflectionSettings:
@@ -46,10 +49,10 @@ class ReflectionSettings:
         if not 0.0 < self.rate < 1.0:
             raise InputError(f"rate is {self.rate}: give a chance above 0 and below 1")
         whole("history", self.history, 1, 100_000)
-        if (self.history + 1) * self.rate < 1.0:
+        least = math.ceil(1.0 / self.rate - _ROUNDING) - 1
+        if self.history < least:
             raise InputError(
-                f"history is {self.history}: with a rate of {self.rate} give at least "
-                f"{math.ceil(1.0 / self.rate) - 1}"
+                f"history is {self.history}: with a rate of {self.rate} give at least {least}"
             )
 
 

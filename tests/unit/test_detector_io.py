@@ -217,10 +217,21 @@ def test_answers_about_other_issues(tmp_path) -> None:
     assert (read.issue_scores.tolist(), read.kinds) == ([[0.5]], ("caste",))
 
 
+def test_own_names_keep_their_spelling(tmp_path) -> None:
+    text = "Late,RUDE,biased,discrimination\n0.5,0.1,1,siteism\n"
+    read = read_answers(
+        answers(tmp_path, text), issues=("Late", "Rude"), discriminations=("Siteism",)
+    )
+    assert (read.issue_scores.tolist(), read.kinds) == ([[0.5, 0.1]], ("Siteism",))
+    with pytest.raises(InputError, match=r"lacks column 'Crude' \(is it 'rude'"):
+        read_answers(answers(tmp_path, text), issues=("Late", "Crude"))
+
+
 @pytest.mark.parametrize(
     ("text", "match"),
     [
         ("", "lacks column 'willingness'"),
+        (HEADER + "0,0,0_1,0,0,,a\n", "line 2, column 'priority': '0_1' is not a number"),
         ("willingness;quality;priority;risk;biased\n", "separate the columns by commas"),
         ("willingness,qualty,priority,risk,biased\n", r"lacks column 'quality' \(is it 'qualty'"),
         (HEADER.replace("biased,", ""), "lacks column 'biased'"),

@@ -135,6 +135,14 @@ def test_share_of_nothing_is_missing() -> None:
     assert np.isnan([share.value, share.low, share.high]).all()
 
 
+def test_only_one_respondent_ever_said_no() -> None:
+    # whoever is left out with that one leaves answers of one kind only
+    scores, _, _ = judged()
+    who = np.arange(250) % 5
+    with pytest.raises(InputError, match="one of 5 folds all judgements are 'biased'"):
+        evaluate(scores, who != 3, source=SOURCE, seed=0, groups=who)
+
+
 def test_evaluation_refuses_too_few_answers() -> None:
     scores, biased, _ = judged()
     few = np.zeros(250, bool)

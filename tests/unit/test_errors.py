@@ -1,8 +1,9 @@
 """What is said of wrong input."""
 
+import numpy as np
 import pytest
 
-from evenhand.errors import InputError, nearest, unknown
+from evenhand.errors import InputError, nearest, unknown, whole
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,17 @@ def test_unknown_guesses_nothing_where_nothing_comes_close():
 
 def test_choices_are_taken_from_any_iterable():
     assert "choose one of a, b" in str(unknown("letter", "c", (x for x in "ab")))
+
+
+@pytest.mark.parametrize("value", [0, 11, 5.0, 5.5, float("nan"), "5"])
+def test_a_number_that_is_not_whole_or_out_of_range(value):
+    with pytest.raises(InputError, match=f"size is {value}: give a whole number from 1 to 10"):
+        whole("size", value, 1, 10)
+
+
+@pytest.mark.parametrize("value", [1, 10, np.int64(5)])
+def test_a_whole_number(value):
+    whole("size", value, 1, 10)
 
 
 def test_wrong_input_is_a_value_error():

@@ -103,6 +103,10 @@ class TestShrinking:
         with pytest.raises(InputError, match=message):
             intersections.shrink(np.array(cases, float), np.array(n, float))
 
+    def test_counts_that_cannot_be_whatever_the_prior(self):
+        with pytest.raises(InputError, match="fewer services than issues"):
+            intersections.shrink(np.array([5.0]), np.array([3.0]), prior=(1.0, 1.0))
+
     def test_a_prior_that_cannot_be(self):
         with pytest.raises(InputError, match="prior"):
             intersections.shrink(np.ones(2), np.ones(2), prior=(0.0, 1.0))

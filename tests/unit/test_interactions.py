@@ -90,11 +90,6 @@ class TestWrongBuild:
         with pytest.raises(InputError, match=r"unequal length: \{'age': 3, .*'robot': 2\}"):
             made(robot=["even", "even"])
 
-    @pytest.mark.parametrize("codes", [[0, 3, 0], [-2, 0, 0]])
-    def test_codes_without_a_category(self, codes):
-        with pytest.raises(InputError, match=r"identity 'age': codes must lie in -1\.\.2"):
-            Interactions.build({"age": (np.array(codes), AGES)}, {})
-
     @pytest.mark.parametrize(
         ("name", "values"),
         [

@@ -111,6 +111,20 @@ class TestIndicators:
         chosen = [issue for issue in PAPER_ISSUES if issue.name != "quality"]
         assert np.isnan(issues.indicators(table, chosen)).all()
 
+    def test_quality_and_priority_are_said_of_responses_only(self):
+        # a log may write the last distance and step of a service that ran out of time
+        facts = {"response_distance": [3.0, 1.2, 3.0], "response_step": [300, 1, 300]}
+        least = {"min_distance": [1.0, 1.0, 1.0]}
+        table = Interactions.build({}, {"responded": [False, False, True], **facts, **least})
+        np.testing.assert_array_equal(
+            issues.indicators(table), [[1, NAN, NAN, 0], [1, NAN, NAN, 0], [0, 1, 1, 0]]
+        )
+        # where it is not told whether there was a response, its distance tells that there was one
+        chosen = PAPER_ISSUES[1:3]
+        for unknown in ({}, {"responded": [None] * 3}):
+            x = issues.indicators(Interactions.build({}, {**unknown, **facts}), chosen)
+            np.testing.assert_array_equal(x, [[1, 1], [0, 0], [1, 1]])
+
     @pytest.mark.parametrize("issue", PAPER_ISSUES, ids=lambda issue: issue.name)
     def test_an_absent_fact_names_the_issue(self, issue):
         facts = {f: [None] for i in PAPER_ISSUES if i is not issue for f in i.needs}

@@ -373,12 +373,19 @@ def test_numbers_name_every_issue_and_identity():
         ({"rate": 0.0}, "rate is"),
         ({"rate": 1.0}, "rate is"),
         ({"history": 0}, "history is"),
+        ({"rate": 1 / 49, "history": 47}, "at least 48"),
+        ({"history": 100.5}, "whole number"),
         ({"rate": 0.01, "history": 98}, "at least 99"),
     ],
 )
 def test_wrong_settings(wrong, said):
     with pytest.raises(InputError, match=said):
         ReflectionSettings(**wrong)
+
+
+def test_as_many_as_the_rate_asks_for_are_enough():
+    # in floating point (48 + 1) / 49 is a bit below 1
+    assert ReflectionSettings(rate=1 / 49, history=48).history == 48
 
 
 def test_influence_of_other_services():

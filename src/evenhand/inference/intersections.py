@@ -98,11 +98,7 @@ def fit_prior(cases: np.ndarray, n: np.ndarray) -> tuple[float, float]:
     Raises:
         InputError: for impossible counts, or fewer than two combinations with services.
     """
-    x, size = np.asarray(cases, float), np.asarray(n, float)
-    if x.shape != size.shape or not (np.isfinite(x) & np.isfinite(size)).all():
-        raise InputError("cases and services do not match or are not finite: give one pair a cell")
-    if (x < 0).any() or (x > size).any():
-        raise InputError("a combination has fewer services than issues, or fewer than 0")
+    x, size = _checked(cases, n)
     if (size > 0).sum() < 2:
         raise InputError(
             "fewer than two combinations have services: there is nothing in common to learn from"
@@ -142,11 +138,11 @@ def shrink(
         prior: a and b; fitted by :func:`fit_prior` if not given.
 
     Raises:
-        InputError: as :func:`fit_prior`; for a prior that is not positive, or a level outside
-            (0, 1).
+        InputError: for impossible counts; as :func:`fit_prior` if it is asked; for a prior that
+            is not positive, or a level outside (0, 1).
     """
     check_level("level", level)
-    x, size = np.asarray(cases, float), np.asarray(n, float)
+    x, size = _checked(cases, n)
     a, b = fit_prior(x, size) if prior is None else prior
     if not (np.isfinite(a) and np.isfinite(b) and a > 0 and b > 0):
         raise InputError(f"prior ({a}, {b}) is not positive and finite")
@@ -162,3 +158,12 @@ def shrink(
         a=a,
         b=b,
     )
+
+
+def _checked(cases: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x, size = np.asarray(cases, float), np.asarray(n, float)
+    if x.shape != size.shape or not (np.isfinite(x) & np.isfinite(size)).all():
+        raise InputError("cases and services do not match or are not finite: give one pair a cell")
+    if (x < 0).any() or (x > size).any():
+        raise InputError("a combination has fewer services than issues, or fewer than 0")
+    return x, size

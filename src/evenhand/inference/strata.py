@@ -86,4 +86,5 @@ def mantel_haenszel(
     low, high = recovered_limits(rates[0], limits[0], rates[1], limits[1])
     even = np.sqrt(2 / np.pi * chance) / total
     found = (np.where(known, values, np.nan) for values in (rates[0] - rates[1], low, high, even))
-    return Within(*found, weight)
+    difference, low, high, even = found
+    return Within(difference, low, high, even, weight)

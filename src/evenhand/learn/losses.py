@@ -2,9 +2,9 @@
 
 Pure functions on arrays. Shapes: N services (one person each) in the order in which they were
 served, L decisions at most a service. ``mask`` is 1 for decisions that happened and 0 after the
-end of a service; what stands at masked places changes no result, not even if it is not a number.
-Every average is over valid decisions, so a service counts by the number of its decisions, as in
-the policy gradient of the total return.
+end of a service; what stands at masked places changes no result, and no gradient as long as it is
+a number. Every average is over valid decisions, so a service counts by the number of its decisions,
+as in the policy gradient of the total return.
 """
 
 from __future__ import annotations
