@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from evenhand.errors import InputError, unknown
 
@@ -125,7 +124,7 @@ def of_kind(column: pa.Array, kind: pa.DataType) -> pa.Array:
     if kind == pa.bool_() and (
         pa.types.is_integer(column.type) or pa.types.is_floating(column.type)
     ):
-        for value in pc.unique(column.drop_null())[:3].to_pylist():
+        for value in column.drop_null().unique()[:3].to_pylist():
             if value not in (0, 1):
                 raise pa.ArrowInvalid(f"{value:g} is neither 1 (yes) nor 0 (no)")
     return column if column.type == kind else without_nan(column.cast(kind))
@@ -146,4 +145,4 @@ def without_nan(column: pa.Array) -> pa.Array:
     """Numbers with null where they were NaN."""
     if not pa.types.is_floating(column.type):
         return column
-    return pc.if_else(pc.is_nan(column), pa.scalar(None, column.type), column)
+    return pa.array(column.to_numpy(zero_copy_only=False), from_pandas=True)
