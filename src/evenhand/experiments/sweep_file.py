@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files as resources
@@ -27,10 +25,9 @@ from evenhand.experiments.settings import SERVICES
 from evenhand.experiments.sweep_settings import Job, Sweep, Value, Variant
 from evenhand.learn.policy import PolicySettings
 from evenhand.learn.update import UpdateSettings
-from evenhand.study.protocol import Place
-from evenhand.study.protocol_file import Mistake
-from evenhand.study.toml_lines import line_of, lines
-from evenhand.study.toml_table import Table
+from evenhand.toml.lines import Place
+from evenhand.toml.reading import Mistake, content_of, located, text_of
+from evenhand.toml.table import Table
 
 EXAMPLE = Path(str(resources("evenhand.experiments") / "data" / "sweep.toml"))
 """A sweep to start from."""
@@ -55,27 +52,15 @@ def examine(path: str | os.PathLike[str]) -> tuple[Sweep | None, list[Mistake]]:
     Raises:
         InputError: when the file cannot be read at all.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as UTF-8") from error
-    try:
-        content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        told = " ".join(str(error).split())
-        at = re.search(r" ?\(at line (\d+), column \d+\)| ?\(at end of document\)", told)
-        line = int(at.group(1)) if at and at.group(1) else text.count("\n") + 1
-        told = told.replace(at.group(), "") if at else told
-        return None, [Mistake(line, "", f"this is no TOML: {told}")]
+    text = text_of(path)
+    content = content_of(text)
+    if isinstance(content, Mistake):
+        return None, [content]
     wrong: list[tuple[Place, str]] = []
     jobs = _jobs(Table(content, (), wrong))
     if not wrong:
         return Sweep(tuple(jobs), text), []
-    where = lines(text)
-    told = [Mistake(line_of(where, place), _key(place), said) for place, said in wrong]
-    return None, sorted(told, key=lambda one: one.line)
+    return None, located(text, wrong, _key)
 
 
 def _key(place: Place) -> str:
@@ -156,22 +141,21 @@ def _block(table: Table) -> _Block:
     }
     values = {}
     for key in _GRID:
-        table.asked.append(key)
-        if key not in table.content:
+        given = table.get(key)
+        if given is None:
             continue
-        given = table.content[key]
         if key == "seeds" and not isinstance(given, list):
             given = _counted(table, given)
         values[key] = _several(table, key, given, checks[key])
     inside = table.table("settings", needed=False)
     learner = {}
     for key in SETTINGS:
-        inside.asked.append(key)
-        if key in inside.content:
-            given = inside.content[key]
-            if key == "hidden" and _is_hidden(given):
-                given = [given]  # one value, which is a list
-            learner[key] = _several(inside, key, given, lambda v, k=key: _setting(k, v))
+        given = inside.get(key)
+        if given is None:
+            continue
+        if key == "hidden" and _is_hidden(given):
+            given = [given]  # one value, which is a list
+        learner[key] = _several(inside, key, given, lambda v, k=key: _setting(k, v))
     inside.done()
     return _Block(values, learner)
 
@@ -179,18 +163,17 @@ def _block(table: Table) -> _Block:
 def _several(table: Table, key: str, given: Any, check: Callable[[Any], Any]) -> tuple[Any, ...]:
     """A value or a list of them, each once."""
     found: list[Any] = []
-    place = (*table.place, key)
     items = given if isinstance(given, list) else [given]
     if not items:
-        table.wrong.append((place, "it is empty: give at least one"))
+        table.note(key, "it is empty: give at least one")
     for item in items:
         try:
             value = check(item)
         except InputError as error:
-            table.wrong.append((place, str(error)))
+            table.note(key, str(error))
             continue
         if value in found:
-            table.wrong.append((place, f"{item!r} stands there twice: take it out once"))
+            table.note(key, f"{item!r} stands there twice: take it out once")
         found.append(value)
     return tuple(found)
 
@@ -200,7 +183,7 @@ def _counted(table: Table, given: Any) -> list[int]:
     try:
         return list(range(_whole("seeds", given, _COUNTS)))
     except InputError as error:
-        table.wrong.append(((*table.place, "seeds"), f"{error}, or a list of seeds"))
+        table.note("seeds", f"{error}, or a list of seeds")
         return [0]
 
 

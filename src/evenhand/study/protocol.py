@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.judgements import IDENTITIES, ISSUES
+from evenhand.toml.lines import Place
 
 PREFER_NOT = "Prefer not to say"
 """Always among the answers about oneself; stored as no answer."""
@@ -204,10 +205,6 @@ class Protocol:
         for one in told["sets"]:
             del one["scores"], one["note"]
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
-
-
-Place = tuple[str | int, ...]
-"""Where a mistake is, as keys and positions of the file: ("sets", 0, "clips")."""
 
 
 def mistakes(protocol: Protocol) -> Iterator[tuple[Place, str]]:

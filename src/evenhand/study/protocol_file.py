@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
-import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
 from evenhand.errors import InputError
+from evenhand.judgements import ISSUES
 from evenhand.study import protocol
 from evenhand.study.protocol import (
     LONGEST,
@@ -20,12 +21,12 @@ from evenhand.study.protocol import (
     Demographic,
     Option,
     Pair,
-    Place,
     Protocol,
     Question,
 )
-from evenhand.study.toml_lines import line_of, lines
-from evenhand.study.toml_table import ID, Table
+from evenhand.toml.lines import Place
+from evenhand.toml.reading import Mistake, content_of, located, text_of
+from evenhand.toml.table import ID, Table
 
 FORMAT = 1
 PAPER = Path(str(resources("evenhand.study") / "data" / "paper.toml"))
@@ -40,19 +41,6 @@ _GIVEN = {
     "pair": ("options",),
     "text": ("longest",),
 }
-
-
-@dataclass(frozen=True)
-class Mistake:
-    """One mistake: its line (1 first), the key, and what to do about it."""
-
-    line: int
-    key: str
-    sentence: str
-
-    def __str__(self) -> str:
-        key = f", {self.key}" if self.key else ""
-        return f"line {self.line}{key}: {self.sentence}"
 
 
 def read(path: str | os.PathLike[str], clips: Path | None = None) -> Protocol:
@@ -85,20 +73,10 @@ def examine(
     Raises:
         InputError: when the file cannot be read at all.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as UTF-8") from error
-    try:
-        content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        told = " ".join(str(error).split())
-        at = re.search(r" ?\(at line (\d+), column \d+\)| ?\(at end of document\)", told)
-        line = int(at.group(1)) if at and at.group(1) else text.count("\n") + 1
-        told = told.replace(at.group(), "") if at else told
-        return None, [Mistake(line, "", f"this is no TOML: {told}")]
+    text = text_of(path)
+    content = content_of(text)
+    if isinstance(content, Mistake):
+        return None, [content]
     wrong: list[tuple[Place, str]] = []
     study = _study(Table(content, (), wrong), Path(path).parent)
     study = study if clips is None else replace(study, clips=clips)
@@ -107,9 +85,7 @@ def examine(
         wrong += _missing(study)
     if not wrong:
         return study, []
-    where = lines(text)
-    told = [Mistake(line_of(where, place), _named(place), said) for place, said in wrong]
-    return None, sorted(told, key=lambda one: one.line)
+    return None, located(text, wrong, _named)
 
 
 def _missing(study: Protocol) -> Iterator[tuple[Place, str]]:
@@ -208,13 +184,28 @@ def _set(one: Table) -> ClipSet:
         captions=one.texts("captions", 0, 20, LONGEST["ask"], default=()),
         kind=one.one_of("kind", protocol.KINDS, "scenario"),
         scores={
-            name: scores.scores(name) for name in protocol.IDENTITIES if name in scores.content
+            name: _scores(scores, name) for name in protocol.IDENTITIES if name in scores.content
         },
         note=one.text("note", LONGEST["ask"], ""),
     )
     scores.done(protocol.IDENTITIES)
     one.done()
     return found
+
+
+def _scores(one: Table, name: str) -> tuple[float, float, float, float]:
+    value = one.get(name)
+    numbers = value if isinstance(value, list) else []
+    good = [
+        float(number)
+        for number in numbers
+        if isinstance(number, int | float) and not isinstance(number, bool)
+        if math.isfinite(number) and -1 <= number <= 1
+    ]
+    if len(good) != len(ISSUES) or len(numbers) != len(ISSUES):
+        one.note(name, f"give four scores from -1 to 1: {', '.join(ISSUES)}")
+        return (0.0, 0.0, 0.0, 0.0)
+    return (good[0], good[1], good[2], good[3])
 
 
 def _asked(one: Table) -> Question:

@@ -11,7 +11,7 @@ from evenhand.errors import InputError
 from evenhand.study import protocol_file
 from evenhand.study.protocol import Option
 from evenhand.study.protocol_file import PAPER, examine, read, unfinished
-from evenhand.study.toml_lines import line_of, lines
+from evenhand.toml.lines import line_of, lines
 
 GOOD = """\
 format = 1

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 from evenhand.errors import unknown
-from evenhand.judgements import ISSUES
-from evenhand.study.protocol import Place
+from evenhand.toml.lines import Place
 
 ID = re.compile(r"[a-z0-9-]{1,40}")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -44,12 +42,12 @@ class Table:
         shape: str = "",
     ) -> str:
         """Text that is not blank, of so many characters at most; needed without a default."""
-        value = self._get(key, default is None)
+        value = self.get(key, default is None)
         if value is None:
             return default or ""
         sentence = _text(value, longest, pattern, shape)
         if sentence:
-            self._note(key, sentence)
+            self.note(key, sentence)
             return ""
         return value
 
@@ -68,69 +66,54 @@ class Table:
         default: tuple[str, ...] | None = None,
     ) -> tuple[str, ...]:
         """A list of texts."""
-        value = self._get(key, default is None)
+        value = self.get(key, default is None)
         if value is None:
             return default or ()
         if not isinstance(value, list) or not least <= len(value) <= most:
-            self._note(key, f'give {least} to {most} texts, as {key} = ["...", "..."]')
+            self.note(key, f'give {least} to {most} texts, as {key} = ["...", "..."]')
             return ()
         for number, one in enumerate(value, 1):
             sentence = _text(one, longest, pattern, shape)
             if sentence:
-                self._note(key, f"item {number}: {sentence}")
+                self.note(key, f"item {number}: {sentence}")
         return tuple(str(one) for one in value)
 
     def whole(self, key: str, least: int, most: int, default: int | None = None) -> int:
         """A whole number."""
-        value = self._get(key, default is None)
+        value = self.get(key, default is None)
         if value is None:
             return least if default is None else default
         if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
             span = f"{least}" if least == most else f"a whole number from {least} to {most}"
-            self._note(key, f"it is {value!r}: give {span}")
+            self.note(key, f"it is {value!r}: give {span}")
             return least
         return value
 
     def flag(self, key: str, default: bool) -> bool:
         """True or false."""
-        value = self._get(key, False)
+        value = self.get(key)
         if value is not None and not isinstance(value, bool):
-            self._note(key, f"it is {value!r}: give true or false, without quotes")
+            self.note(key, f"it is {value!r}: give true or false, without quotes")
             return default
         return default if value is None else value
 
     def one_of(self, key: str, choices: tuple[str, ...], default: str | None = None) -> str:
         """A name out of several; empty when it is wrong."""
-        value = self._get(key, default is None)
+        value = self.get(key, default is None)
         if value is None:
             return default or ""
         if not isinstance(value, str) or value not in choices:
-            self._note(key, str(unknown(key, str(value), choices)))
+            self.note(key, str(unknown(key, str(value), choices)))
             return ""
         return value
 
-    def scores(self, key: str) -> tuple[float, float, float, float]:
-        """Four issue scores."""
-        value = self._get(key, True)
-        numbers = value if isinstance(value, list) else []
-        good = [
-            float(one)
-            for one in numbers
-            if isinstance(one, int | float) and not isinstance(one, bool)
-            if math.isfinite(one) and -1 <= one <= 1
-        ]
-        if len(good) != len(ISSUES) or len(numbers) != len(ISSUES):
-            self._note(key, f"give four scores from -1 to 1: {', '.join(ISSUES)}")
-            return (0.0, 0.0, 0.0, 0.0)
-        return (good[0], good[1], good[2], good[3])
-
     def table(self, key: str, needed: bool = True) -> Table:
         """A table inside; an empty one when it is not there."""
-        value = self._get(key, False)
+        value = self.get(key)
         if isinstance(value, dict):
             return Table(value, (*self.place, key), self.wrong)
         if value is not None:
-            self._note(key, f"write it as a table, [{key}]")
+            self.note(key, f"write it as a table, [{key}]")
         elif needed:
             self.wrong.append((self.place, f"[{key}] is missing: add it"))
         # what an absent table lacks was said already
@@ -138,17 +121,17 @@ class Table:
 
     def tables(self, key: str, needed: bool = False) -> list[Table]:
         """The tables of an array."""
-        value = self._get(key, False)
+        value = self.get(key)
         if value is None or value == []:
             if needed:
                 self.wrong.append((self.place, f"[[{key}]] is missing: add at least one"))
             return []
         if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
             how = "{ value = ..., label = ... }" if key == "options" else f"[[{key}]]"
-            self._note(key, f"write each as a table, {how}")
+            self.note(key, f"write each as a table, {how}")
             return []
         if len(value) > 1000:
-            self._note(key, f"there are {len(value)}: give at most 1000")
+            self.note(key, f"there are {len(value)}: give at most 1000")
             return []
         return [Table(one, (*self.place, key, i), self.wrong) for i, one in enumerate(value)]
 
@@ -162,9 +145,10 @@ class Table:
         known = [*self.asked, *names]
         for key in self.content:
             if key not in known and key not in hidden:
-                self._note(key, str(unknown("key", key, known)))
+                self.note(key, str(unknown("key", key, known)))
 
-    def _get(self, key: str, needed: bool) -> Any:
+    def get(self, key: str, needed: bool = False) -> Any:
+        """Whatever stands there; None where nothing does."""
         if key not in self.asked:
             self.asked.append(key)
         value = self.content.get(key)
@@ -172,7 +156,8 @@ class Table:
             self.wrong.append((self.place, f"{key} is missing: add it"))
         return value
 
-    def _note(self, key: str, sentence: str) -> None:
+    def note(self, key: str, sentence: str) -> None:
+        """Note what is wrong with a key."""
         self.wrong.append(((*self.place, key), sentence))
 
 

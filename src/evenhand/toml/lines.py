@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from evenhand.study.protocol import Place
+Place = tuple[str | int, ...]
+"""Where something stands, as keys and positions of the file: ("sets", 0, "clips")."""
 
 _BARE = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([A-Za-z0-9_-]+))\s*""")
 _STRING = re.compile(

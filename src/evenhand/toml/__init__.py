@@ -1,0 +1,1 @@
+"""Files of TOML that people write: every mistake is told at once, with its line."""
