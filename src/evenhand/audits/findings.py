@@ -13,13 +13,13 @@ from itertools import combinations
 import numpy as np
 
 from evenhand.audits import means, resemblance, waits
-from evenhand.audits.results import AuditSettings, Finding, Findings
+from evenhand.audits.results import AuditSettings, Findings, listed, overall
 from evenhand.audits.tally import Identity, Tally, membership
 from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.inference.chance import even_gaps
 from evenhand.inference.intersections import shrink
-from evenhand.inference.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, judge_table
+from evenhand.inference.verdicts import DISPARITY, judge_table
 
 MOST_GROUPS = 2000
 """Groups that are compared in one audit, intersections included."""
@@ -71,43 +71,18 @@ def find(
         groups.single,
     )
     counts = verdicts.counts
-    with np.errstate(invalid="ignore"):
-        rate, rest = counts.inside_x / counts.inside_n, counts.outside_x / counts.outside_n
     # Within strata chance is known from its variance; else there is an exact form.
     mixed = len(np.unique(tally.stratum)) > 1
-    corrected = np.abs(verdicts.gap) - (test.even_gap if mixed else even_gaps(counts))
-    needed = np.where(verdicts.verdict == INSUFFICIENT, verdicts.needed, np.nan)
+    even = test.even_gap if mixed else even_gaps(counts)
     shrunk = _shrunk(groups, counts.inside_x, counts.inside_n)
-    found = tuple(
-        Finding(
-            identity=identity,
-            group=group,
-            issue=issue,
-            n=int(counts.inside_n[g, k]),
-            cases=int(counts.inside_x[g, k]),
-            rate=float(rate[g, k]),
-            rest_n=int(counts.outside_n[g, k]),
-            rest_rate=float(rest[g, k]),
-            difference=float(verdicts.gap[g, k]),
-            low=float(verdicts.low[g, k]),
-            high=float(verdicts.high[g, k]),
-            corrected=float(corrected[g, k]),
-            p=float(verdicts.p[g, k]),
-            p_adjusted=float(verdicts.p_adjusted[g, k]),
-            verdict=str(verdicts.verdict[g, k]),
-            needed=float(needed[g, k]),
-            shrunk=float(shrunk[g, k]),
-        )
-        for g, (identity, group) in enumerate(groups.names)
-        for k, issue in enumerate(tally.issues)
-    )
+    found = listed(verdicts, groups.names, tally.issues, even, shrunk)
     uneven = {one.identity for one in found if one.verdict == DISPARITY}
     return Findings(
         findings=found,
         waits=waits.compare(tally, chosen.verdict.alpha),
         measures=means.compare(tally, measuring, chosen.verdict.permutations),
         resemblance=resemblance.ask(tally, drawing, uneven, detector=detector),
-        verdict=_of_the_log({one.verdict for one in found}),
+        verdict=overall(found),
         total=test.total,
         even_total=test.even_total,
         p_total=test.p_total,
@@ -168,7 +143,3 @@ def _shrunk(groups: Groups, cases: np.ndarray, n: np.ndarray) -> np.ndarray:
             if len(known) > 1:
                 shrunk[known, k] = shrink(cases[known, k], n[known, k]).rate
     return shrunk
-
-
-def _of_the_log(verdicts: set[str]) -> str:
-    return next(one for one in (DISPARITY, NO_EVIDENCE, INSUFFICIENT) if one in verdicts)

@@ -1,12 +1,15 @@
-"""What an audit finds, as plain records; and its settings."""
+"""What an audit finds, as plain records; its settings; and how verdicts become findings."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import nan
 
+import numpy as np
+
 from evenhand import errors
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.inference.verdicts import INSUFFICIENT, VERDICTS, Verdicts, VerdictSettings
 
 
 def _verdict_settings() -> VerdictSettings:
@@ -194,3 +197,55 @@ class Findings:
     p_total: float
     services: int
     settings: AuditSettings
+
+
+def listed(
+    verdicts: Verdicts,
+    groups: Sequence[tuple[str, str]],
+    issues: Sequence[str],
+    even: np.ndarray,
+    shrunk: np.ndarray | None = None,
+) -> tuple[Finding, ...]:
+    """Verdicts as findings, all issues of a group after one another.
+
+    Args:
+        verdicts: of one window or log.
+        groups: (identity, group) of each row.
+        issues: names.
+        even: difference that chance gives on average, [G, K].
+        shrunk: rates of intersections, [G, K]; see ``Finding``.
+    """
+    counts = verdicts.counts
+    with np.errstate(invalid="ignore"):
+        rate, rest = counts.inside_x / counts.inside_n, counts.outside_x / counts.outside_n
+    corrected = np.abs(verdicts.gap) - even
+    needed = np.where(verdicts.verdict == INSUFFICIENT, verdicts.needed, nan)
+    return tuple(
+        Finding(
+            identity=identity,
+            group=group,
+            issue=issue,
+            n=int(counts.inside_n[g, k]),
+            cases=int(counts.inside_x[g, k]),
+            rate=float(rate[g, k]),
+            rest_n=int(counts.outside_n[g, k]),
+            rest_rate=float(rest[g, k]),
+            difference=float(verdicts.gap[g, k]),
+            low=float(verdicts.low[g, k]),
+            high=float(verdicts.high[g, k]),
+            corrected=float(corrected[g, k]),
+            p=float(verdicts.p[g, k]),
+            p_adjusted=float(verdicts.p_adjusted[g, k]),
+            verdict=str(verdicts.verdict[g, k]),
+            needed=float(needed[g, k]),
+            shrunk=nan if shrunk is None else float(shrunk[g, k]),
+        )
+        for g, (identity, group) in enumerate(groups)
+        for k, issue in enumerate(issues)
+    )
+
+
+def overall(findings: Sequence[Finding]) -> str:
+    """The verdict on a log: the first of ``VERDICTS`` that any finding has."""
+    there = {one.verdict for one in findings}
+    return next(verdict for verdict in VERDICTS if verdict in there)
