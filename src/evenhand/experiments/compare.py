@@ -151,7 +151,30 @@ def train_and_test(*, tell: Tell, cell: Cell, out: Path, epochs: int, services: 
         return
     set_up_jax()
     began = perf_counter()
-    settings, seed = training_of(cell, epochs), TEST_SEED + cell.seed
+    test, steps = learn_and_serve(tell, folder, cell, training_of(cell, epochs), services)
+    run.finish(folder, key, {"test": test, "seconds": round(perf_counter() - began, 1)})
+    tell(services, {"physics_steps": steps})
+
+
+def learn_and_serve(
+    tell: Tell, folder: Path, cell: Cell, settings: TrainSettings, services: int
+) -> tuple[dict[str, Any], int]:
+    """Train in a folder, or go on training, if the arm learns; then serve people it never saw.
+
+    Args:
+        tell: told of the services and physics steps of training.
+        folder: of the run; there afterwards.
+        cell: the run.
+        settings: its own, from ``training_of`` or with changes.
+        services: of the test.
+
+    Returns:
+        The numbers of the test, and its physics steps.
+
+    Raises:
+        InputError: as ``run.execute`` does.
+    """
+    seed = TEST_SEED + cell.seed
     method, _ = method_of(cell.arm)
     biased = None
     if ARMS[method].learns:
@@ -169,8 +192,7 @@ def train_and_test(*, tell: Tell, cell: Cell, out: Path, epochs: int, services: 
         table = measure.serve_policy(train.begin(settings), settings, services, seed)
     files.make_folder(folder)
     test = tables.numbers(table) | {"biased_epochs": biased}
-    run.finish(folder, key, {"test": test, "seconds": round(perf_counter() - began, 1)})
-    tell(services, {"physics_steps": int(table.fact("steps").sum())})
+    return test, int(table.fact("steps").sum())
 
 
 def serve_reference(settings: TrainSettings, services: int, seed: int) -> Interactions:

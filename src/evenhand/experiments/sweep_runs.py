@@ -7,14 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from evenhand import detector_io, files
-from evenhand.experiments import compare, compare_tables, measure
-from evenhand.experiments.compare_settings import ARMS, method_of
+from evenhand import files
+from evenhand.experiments import compare, compare_tables
 from evenhand.experiments.pool import Tell
-from evenhand.experiments.settings import TEST_SEED
 from evenhand.experiments.sweep_file import POLICY, UPDATE, WORLD
 from evenhand.experiments.sweep_settings import Job
-from evenhand.learn import checkpoint, run, train
+from evenhand.learn import checkpoint, run
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import TrainSettings
 
@@ -76,28 +74,11 @@ def perform(*, tell: Tell, job: Job, folder: Path) -> None:
         return
     set_up_jax()
     began = perf_counter()
-    settings, seed = training_of(job), TEST_SEED + job.cell.seed
     services = job.variant.services
-    method, _ = method_of(job.cell.arm)
-    biased = None
-    if ARMS[method].learns:
-        state = run.execute(
-            folder,
-            settings,
-            detector_io.load(detector_io.SHIPPED),
-            progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
-        )
-        table = measure.serve_policy(state, settings, services, seed)
-        biased = sum(line["biased_detector"] for line in run.read_epochs(folder))
-    elif method == "reference":
-        table = compare.serve_reference(settings, services, seed)
-    else:
-        table = measure.serve_policy(train.begin(settings), settings, services, seed)
-    files.make_folder(folder)
-    test = compare_tables.numbers(table) | {"biased_epochs": biased}
+    test, steps = compare.learn_and_serve(tell, folder, job.cell, training_of(job), services)
     files.write_json(folder / CLOCK, {"seconds": round(perf_counter() - began, 2)})
     run.finish(folder, key_of(job), {"test": test})
-    tell(services, {"physics_steps": int(table.fact("steps").sum())})
+    tell(services, {"physics_steps": steps})
 
 
 def row_of(job: Job) -> compare_tables.Row:
