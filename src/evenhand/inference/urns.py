@@ -7,18 +7,16 @@ in which nothing is open cost next to nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from math import floor, log, sqrt
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 from scipy.special import gammaln
 
+from evenhand.compiled import compiled
+
 FEW = 10
 """Balls up to which they are taken one by one."""
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 LOG_FACTORIALS = gammaln(np.arange(1 << 17) + 1.0)
 
@@ -46,13 +44,8 @@ def deal(
     return drawn
 
 
-def _compiled(function: F) -> F:
-    # nogil: several threads draw at once; numpy: divisors are never 0 here, nobody need ask
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-    try:
-        return cast(F, numba.njit(function, cache=True, **options))
-    except RuntimeError:  # no folder to keep what was compiled
-        return cast(F, numba.njit(function, **options))
+# nogil: several threads draw at once; numpy: divisors are never 0 here, nobody need ask
+_compiled = partial(compiled, nogil=True, error_model="numpy")
 
 
 @_compiled

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from evenhand.restaurant.compiled import Records, compiled
+from evenhand.compiled import Records, compiled
 
 NEAREST, FARTHEST = 1.0, 1.5
 """Proper distances of a response."""

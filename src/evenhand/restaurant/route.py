@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evenhand.compiled import Records, compiled
 from evenhand.restaurant import plan
-from evenhand.restaurant.compiled import Records, compiled
 
 Points = NDArray[np.complex128]
 

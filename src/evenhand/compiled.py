@@ -13,13 +13,17 @@ Records = Any
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def compiled(function: F) -> F:
+def compiled(function: F, **options: Any) -> F:
     """Compile on first use; where no folder can keep the machine code, anew in each process.
 
     Kept code is known by the age of the function's own file alone. So a compiled function must
     neither call one of another file nor read a constant from there: foreign numbers are arguments.
+
+    Args:
+        function: what is compiled.
+        **options: of ``numba.njit``.
     """
     try:
-        return cast(F, numba.njit(function, cache=True))
+        return cast(F, numba.njit(function, cache=True, **options))
     except RuntimeError:
-        return cast(F, numba.njit(function))
+        return cast(F, numba.njit(function, **options))
