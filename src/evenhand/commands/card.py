@@ -101,11 +101,8 @@ class Card:
     def _robot(self, said: Said) -> str:
         from evenhand.cards import robot
         from evenhand.experiments import card_numbers, measure
-        from evenhand.learn import run
-        from evenhand.learn.runtime import set_up_jax
 
-        set_up_jax()
-        settings, state = run.load_policy(self.file)
+        settings, state = inputs.load_policy(self.file)
         population = settings.world.population
         trial: Trial | None = None
         if self.services:

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
-from evenhand.errors import InputError, whole
+from evenhand.commands.options import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.errors import whole
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 
 if TYPE_CHECKING:
     from evenhand.interactions import Interactions
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -31,17 +30,13 @@ class Evaluate:
     For instance: evenhand evaluate out/run, or: evenhand evaluate --robot racist --json
     """
 
-    run_folder: Annotated[
-        Positional[Path | None], arg(metavar="RUN", help_behavior_hint=_OPTIONAL)
-    ] = None
+    run_folder: Positional[RunFolder] = None
     """Folder of a run of `evenhand train` or `evenhand reproduce`; its last checkpoint serves."""
 
-    robot: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_OPTIONAL)] = None
+    robot: Robot = None
     """Instead of a run, a scripted robot: even, racist, sexist, ageist or ableist."""
 
-    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")] = (
-        None
-    )
+    strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
     services: int = 3000
@@ -50,12 +45,10 @@ class Evaluate:
     seed: int = TEST_SEED
     """Of people, places and chances; take one that training has not used."""
 
-    population: Annotated[
-        str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=_OPTIONAL)
-    ] = None
+    population: Population = None
     """Where people are drawn from; that of the run's training, or uniform for a scripted robot."""
 
-    out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """Write the services to this .parquet or .csv file."""
 
     json: bool = False
@@ -63,12 +56,7 @@ class Evaluate:
 
     def run(self, command: str) -> int:
         """Serve, measure, print."""
-        if (self.run_folder is None) == (self.robot is None):
-            raise InputError("name either the folder of a run or a scripted robot with --robot")
-        if self.run_folder is not None and self.strength is not None:
-            raise InputError(
-                "--strength belongs to a scripted robot: leave it out, or name --robot"
-            )
+        inputs.check_server(self.run_folder, self.robot, self.strength)
         whole("services", self.services, 30, SERVICES[1])
         whole("seed", self.seed, *SEEDS)
         if self.out is not None:
@@ -96,10 +84,6 @@ class Evaluate:
             where = self.population or "uniform"
             name = str(self.robot)
             return name, measure.serve_scripted(name, strength, where, self.services, self.seed)
-        from evenhand.learn import run
-        from evenhand.learn.runtime import set_up_jax
-
-        set_up_jax()
-        settings, state = run.load_policy(self.run_folder)
+        settings, state = inputs.load_policy(self.run_folder)
         who = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
         return who, measure.serve_policy(state, settings, self.services, self.seed, self.population)

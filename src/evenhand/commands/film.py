@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
+from evenhand.commands.options import OPTIONAL, Robot, Strength
 from evenhand.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS, TEST_SEED
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from evenhand.film.clip import Style
     from evenhand.film.sources import Footage
 
-_OPTIONAL = "(optional)"
 _STUDY = "study"
 _MOST = 1000
 """Services that one command films."""
@@ -39,19 +39,17 @@ class Film:
     """
 
     run_folder: Annotated[
-        Positional[str | None], arg(metavar="RUN", help_behavior_hint=_OPTIONAL)
+        Positional[str | None], arg(metavar="RUN", help_behavior_hint=OPTIONAL)
     ] = None
     """Folder of a run that kept its states; or the word study (give ./study for such a folder)."""
 
-    services: Annotated[str | None, arg(metavar="A,B,...", help_behavior_hint=_OPTIONAL)] = None
+    services: Annotated[str | None, arg(metavar="A,B,...", help_behavior_hint=OPTIONAL)] = None
     """Numbers of the services to film, as in the column service; joined by commas."""
 
-    robot: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_OPTIONAL)] = None
+    robot: Robot = None
     """Instead of a run, a scripted robot: even, racist, sexist, ageist or ableist."""
 
-    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")] = (
-        None
-    )
+    strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
     seed: Annotated[

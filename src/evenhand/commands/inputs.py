@@ -13,6 +13,8 @@ from evenhand.errors import InputError, unknown
 if TYPE_CHECKING:
     from evenhand.detector import Detector
     from evenhand.interactions import Interactions
+    from evenhand.learn.settings import TrainSettings
+    from evenhand.learn.update import LearnerState
 
 ENDINGS = (".parquet", ".csv")
 
@@ -31,6 +33,31 @@ def load_detector(path: Path | None) -> Detector:
     from evenhand import detector_io
 
     return detector_io.load(path if path is not None else detector_io.SHIPPED)
+
+
+def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
+    """What a run learned, with the settings of its training.
+
+    Raises:
+        InputError: as ``learn.run.load_policy`` does.
+    """
+    from evenhand.learn import run
+    from evenhand.learn.runtime import set_up_jax
+
+    set_up_jax()
+    return run.load_policy(folder)
+
+
+def check_server(run_folder: Path | None, robot: str | None, strength: float | None) -> None:
+    """Who serves: a run's policy, or a scripted robot with its strength.
+
+    Raises:
+        InputError: when both are named, or neither, or a strength without its robot.
+    """
+    if (run_folder is None) == (robot is None):
+        raise InputError("name either the folder of a run or a scripted robot with --robot")
+    if run_folder is not None and strength is not None:
+        raise InputError("--strength belongs to a scripted robot: leave it out, or name --robot")
 
 
 def parse_tau(text: str) -> tuple[float, float, float, float]:

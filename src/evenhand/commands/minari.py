@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
-from evenhand.errors import InputError
+from evenhand.commands.options import OPTIONAL, Population, Robot, RunFolder, Strength
 from evenhand.experiments.settings import TEST_SEED
 
 if TYPE_CHECKING:
     from evenhand.experiments.episodes import Server
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -33,17 +31,13 @@ class Minari:
     out: Annotated[Path, arg(metavar="FOLDER")]
     """Folder of datasets, the MINARI_DATASETS_PATH of whoever reads them."""
 
-    run_folder: Annotated[
-        Positional[Path | None], arg(metavar="RUN", help_behavior_hint=_OPTIONAL)
-    ] = None
+    run_folder: Positional[RunFolder] = None
     """Folder of a run; its last checkpoint serves, in the world of its training."""
 
-    robot: Annotated[str | None, arg(metavar="NAME", help_behavior_hint=_OPTIONAL)] = None
+    robot: Robot = None
     """Instead of a run, a scripted robot: even, racist, sexist, ageist or ableist."""
 
-    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")] = (
-        None
-    )
+    strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
     services: int = 1000
@@ -52,29 +46,22 @@ class Minari:
     seed: int = TEST_SEED
     """Of the first service; every other one has the next seed."""
 
-    population: Annotated[
-        str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=_OPTIONAL)
-    ] = None
+    population: Population = None
     """Where people are drawn from; that of the run's training, or uniform for a scripted robot."""
 
-    name: Annotated[str | None, arg(metavar="NAME-vN", help_behavior_hint=_OPTIONAL)] = None
+    name: Annotated[str | None, arg(metavar="NAME-vN", help_behavior_hint=OPTIONAL)] = None
     """Of the dataset, with a version.
     By default restaurant-, the algorithm or the scripted robot, and -v0."""
 
-    author: Annotated[tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint=_OPTIONAL)] = ()
+    author: Annotated[tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint=OPTIONAL)] = ()
     """Who publishes the dataset; noted in it."""
 
-    email: Annotated[tuple[str, ...], arg(metavar="TEXT ...", help_behavior_hint=_OPTIONAL)] = ()
+    email: Annotated[tuple[str, ...], arg(metavar="TEXT ...", help_behavior_hint=OPTIONAL)] = ()
     """Where they can be reached; noted in it."""
 
     def run(self, command: str) -> int:
         """Serve, write, print where the dataset is."""
-        if (self.run_folder is None) == (self.robot is None):
-            raise InputError("name either the folder of a run or a scripted robot with --robot")
-        if self.run_folder is not None and self.strength is not None:
-            raise InputError(
-                "--strength belongs to a scripted robot: leave it out, or name --robot"
-            )
+        inputs.check_server(self.run_folder, self.robot, self.strength)
         inputs.load_physics()
         from evenhand import show
         from evenhand.experiments import minari_data
@@ -98,9 +85,5 @@ class Minari:
         if self.run_folder is None:
             strength = 1.0 if self.strength is None else self.strength
             return episodes.scripted(str(self.robot), strength, self.population or "uniform")
-        from evenhand.learn import run
-        from evenhand.learn.runtime import set_up_jax
-
-        set_up_jax()
-        settings, state = run.load_policy(self.run_folder)
+        settings, state = inputs.load_policy(self.run_folder)
         return episodes.trained(state, settings, self.population)

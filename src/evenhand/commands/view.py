@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from evenhand.commands import inputs, interrupts
+from evenhand.commands.options import OPTIONAL, Strength
 from evenhand.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 
 if TYPE_CHECKING:
     from evenhand.live.shift import Cast
 
-_OPTIONAL = "(optional)"
 _PORTS = (1, 65535)
 
 
@@ -33,21 +33,19 @@ class View:
     For instance: evenhand view --robot ageist, or: evenhand view --run out/run --scenario tips
     """
 
-    scenario: Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=_OPTIONAL)] = None
+    scenario: Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)] = None
     """Where people are served: even, prejudiced, perception, minority, tips, everyday.
     Several are joined by a plus. That of the run's training, or even for a scripted robot."""
 
     run_folder: Annotated[
-        Path | None, arg(name="run", metavar="RUN", help_behavior_hint=_OPTIONAL)
+        Path | None, arg(name="run", metavar="RUN", help_behavior_hint=OPTIONAL)
     ] = None
     """Folder of a run of `evenhand train` or `evenhand reproduce`; its last checkpoint serves."""
 
     robot: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: even)")] = None
     """Instead of a run, a scripted robot: even, racist, sexist, ageist or ableist."""
 
-    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")] = (
-        None
-    )
+    strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
     seed: int = 0
@@ -102,11 +100,9 @@ class View:
         if self.run_folder is None:
             strength = 1.0 if self.strength is None else self.strength
             return shift.scripted(self.robot or "even", strength, self.scenario or "even")
-        from evenhand.learn import run, train
-        from evenhand.learn.runtime import set_up_jax
+        from evenhand.learn import train
 
-        set_up_jax()
-        settings, state = run.load_policy(self.run_folder)
+        settings, state = inputs.load_policy(self.run_folder)
         name = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
         if self.scenario is not None:
             settings = replace(settings, scenario=self.scenario, population=None)

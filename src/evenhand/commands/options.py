@@ -1,0 +1,14 @@
+"""Options that several commands have; what one means to a command stands under its field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+OPTIONAL = "(optional)"
+RunFolder = Annotated[Path | None, arg(metavar="RUN", help_behavior_hint=OPTIONAL)]
+Robot = Annotated[str | None, arg(metavar="NAME", help_behavior_hint=OPTIONAL)]
+Strength = Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")]
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
