@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -49,58 +50,47 @@ class Bench:
             print(json.dumps(found))
         return 0
 
+    def _shown(
+        self, found: dict[str, Any], show: Callable[[dict[str, Any]], None]
+    ) -> dict[str, Any]:
+        if not self.json:
+            show(found)
+        return found
+
     def _env(self) -> dict[str, Any]:
         inputs.load_physics()
         from evenhand import bench
         from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
-        found = bench.measure(self.seconds)
-        if not self.json:
-            bench.show(found)
-        return found
+        return self._shown(bench.measure(self.seconds), bench.show)
 
     def _audit(self) -> dict[str, Any]:
         from evenhand import bench_audit
 
-        found = bench_audit.measure()
-        if not self.json:
-            bench_audit.show(found)
-        return found
+        return self._shown(bench_audit.measure(), bench_audit.show)
 
     def _film(self) -> dict[str, Any]:
         inputs.load_physics()
         from evenhand import bench_film
 
-        found = bench_film.measure()
-        if not self.json:
-            bench_film.show(found)
-        return found
+        return self._shown(bench_film.measure(), bench_film.show)
 
     def _adapters(self) -> dict[str, Any]:
         from evenhand import bench_adapters
 
-        found = bench_adapters.measure()
-        if not self.json:
-            bench_adapters.show(found)
-        return found
+        return self._shown(bench_adapters.measure(), bench_adapters.show)
 
     def _study(self) -> dict[str, Any]:
         from evenhand import bench_study
 
-        found = bench_study.measure()
-        if not self.json:
-            bench_study.show(found)
-        return found
+        return self._shown(bench_study.measure(), bench_study.show)
 
     def _sweep(self) -> dict[str, Any]:
         inputs.load_physics()
         from evenhand import bench_sweep
 
-        found = bench_sweep.measure()
-        if not self.json:
-            bench_sweep.show(found)
-        return found
+        return self._shown(bench_sweep.measure(), bench_sweep.show)
 
     def _sb3(self) -> dict[str, Any]:
         inputs.load_physics()
@@ -108,7 +98,4 @@ class Bench:
         from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
-        found = bench_sb3.measure()
-        if not self.json:
-            bench_sb3.show(found)
-        return found
+        return self._shown(bench_sb3.measure(), bench_sb3.show)
