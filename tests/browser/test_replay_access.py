@@ -3,7 +3,8 @@
 import pytest
 
 from support import replay_page as shown
-from support.replay_page import AXE, NO_GL, NUMBER, row_of_six_seconds, until, value
+from support.chromium import AXE
+from support.replay_page import NO_GL, NUMBER, row_of_six_seconds, until, value
 
 # fixtures
 address, browser, chromium = shown.address, shown.browser, shown.chromium

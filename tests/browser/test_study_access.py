@@ -6,9 +6,9 @@ import pytest
 from playwright.sync_api import expect
 
 from support import study_pages as shown
+from support.chromium import AXE
 from support.studies import ADMIN, STUDY
 from support.study_pages import (
-    AXE,
     DESKTOP,
     KINDS,
     PHONE,

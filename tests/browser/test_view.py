@@ -4,15 +4,11 @@ import os
 import re
 import struct
 import zlib
-from pathlib import Path
 
 import pytest
 
-CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-)  # fmt: skip
+from support.chromium import CHROMIUM, QUIET
+
 SMALL = {"width": 420, "height": 300}
 PATIENCE = 600_000
 """Milliseconds after which something is broken, on however busy a machine."""
@@ -52,7 +48,8 @@ def browser(require):
     require(CHROMIUM.exists(), "chromium (Debian package chromium)")
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as driver:
-        made = driver.chromium.launch(executable_path=str(CHROMIUM), args=list(FLAGS))
+        flags = [*QUIET, "--headless", "--disable-gpu"]
+        made = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
         yield made
         made.close()
 

@@ -1,7 +1,6 @@
 """The replay page of ten services, opened in a real Chromium: fixtures and helpers."""
 
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +10,8 @@ from playwright.sync_api import sync_playwright
 from evenhand.replay import page as replay_page
 from evenhand.replay import write
 from support import replayed
+from support.chromium import CHROMIUM, QUIET
 
-CHROMIUM = "/usr/bin/chromium"
-AXE = Path(__file__).resolve().parents[2] / "frontend/node_modules/axe-core/axe.min.js"
-QUIET = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 NO_GL = ["--disable-gpu", "--disable-webgl", "--disable-3d-apis"]
 NUMBER = 10
@@ -50,7 +40,7 @@ def address(served, require, tmp_path_factory):
 @pytest.fixture(scope="module")
 def chromium(require):
     """``chromium(*flags)`` starts a browser."""
-    require(Path(CHROMIUM).exists(), "Chromium: the Debian package chromium")
+    require(CHROMIUM.exists(), "Chromium: the Debian package chromium")
     with sync_playwright() as playwright:
         started = []
 

@@ -14,20 +14,10 @@ from evenhand.study import participating, rows, store
 from evenhand.study.protocol import ClipSet, Protocol
 from evenhand.study.web import app, serve
 from evenhand.study.web.desk import STATIC, Settings
+from support.chromium import CHROMIUM, QUIET
 from support.postgres import free_port
 from support.studies import ADMIN, STUDY
 
-CHROMIUM = "/usr/bin/chromium"
-AXE = Path(__file__).resolve().parents[2] / "frontend/node_modules/axe-core/axe.min.js"
-QUIET = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 PATIENCE = 20_000
 """Milliseconds: a machine may be busy, and nothing is judged by the clock."""
 PHONE = {"viewport": {"width": 375, "height": 667}, "has_touch": True, "is_mobile": True}
@@ -120,9 +110,11 @@ def running(require, tmp_path):
 
 @pytest.fixture(scope="module")
 def chromium(require):
-    require(Path(CHROMIUM).exists(), "Chromium: the Debian package chromium")
+    require(CHROMIUM.exists(), "Chromium: the Debian package chromium")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET, timeout=PATIENCE)
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=[*QUIET, "--disable-gpu"], timeout=PATIENCE
+        )
         yield browser
         browser.close()
 
