@@ -24,7 +24,7 @@ from evenhand.experiments.compare_settings import (
 from evenhand.interactions import Interactions
 from evenhand.learn import rivals, run
 from evenhand.learn.settings import TrainSettings
-from evenhand.report import figures_compare
+from evenhand.report import figures, figures_compare
 
 # --- what is run ---
 
@@ -312,7 +312,7 @@ def test_nearly_even_arms_are_not_told_apart_by_chance():
 def test_a_figure_for_each_algorithm_shows_every_arm(tmp_path):
     found = results(reference=[0.0], service=[0.1], **{"levelup@2": [0.02]})
     shown = compare_tables.shown(compare_tables.summary(found))
-    files = figures_compare.write(tmp_path, figures_compare.draw_all(shown, 300))
+    files = figures.write(tmp_path, figures_compare.draw_all(shown, 300))
     assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()} == {
         "compare_ppo.svg", "compare_ppo-narrow.svg", "compare_ppo.pdf", "compare_ppo.csv",
     }  # fmt: skip
@@ -327,5 +327,5 @@ def test_a_figure_of_nothing_but_missing_numbers_is_empty_but_there(tmp_path):
     row = {name: nan for aim in ("corrected_total", "perfect_rate")
            for name in (aim, f"{aim}_low", f"{aim}_high")}  # fmt: skip
     head = {"scenario": "tips", "algorithm": "none", "arm": "untrained", "seeds": 0}
-    figures_compare.write(tmp_path, figures_compare.draw_all([head | row], 300))
+    figures.write(tmp_path, figures_compare.draw_all([head | row], 300))
     assert (tmp_path / "compare_none.svg").exists()

@@ -26,7 +26,7 @@ from evenhand.audits import words
 from evenhand.audits.phrases import level
 from evenhand.audits.results import AuditSettings, Findings
 from evenhand.errors import InputError
-from evenhand.report import figures, figures_compare, figures_reflection, html, style
+from evenhand.report import figures, figures_reflection, html, style
 from evenhand.report.figures import Drawn, Plate
 from evenhand.report.inputs import Results
 from evenhand.report.tables import Table, say, table, trailing_mean
@@ -97,7 +97,7 @@ def write(
         parts.append((f"run{place}", name, _told(findings), pictures))
     page = _render(runs, parts, drawn[:course], title, note, command, created, found)
     root = files.make_folder(folder)
-    figures_compare.write(files.make_folder(root / "figures"), drawn)
+    figures.write(files.make_folder(root / "figures"), drawn)
     services = files.make_folder(root / "services")
     for name, ledger in {**runs, **judged}.items():
         ledger.services().write_parquet(services / f"{_file(name)}.parquet")

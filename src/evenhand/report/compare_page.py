@@ -21,7 +21,7 @@ from evenhand.report import (
     html,
 )
 from evenhand.report.compare_data import Comparison
-from evenhand.report.figures import Drawn
+from evenhand.report.figures import Drawn, write
 
 _AIMS = ("corrected_total", "perfect_rate")
 
@@ -49,7 +49,7 @@ def build(folder: Path | str) -> Path:
     drawn = figures_compare.draw_all(_side_by_side(comparison), services)
     drawn += figures_fronts.draw_all(comparison.fronts)
     page = render(comparison, drawn)
-    figures_compare.write(figures, drawn)
+    write(figures, drawn)
     target = folder / "report.html"
     files.write_text(target, page)
     return target

@@ -6,13 +6,15 @@ May touch: matplotlib. The order here is the order of the page.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from matplotlib.figure import Figure
 
+from evenhand import files
 from evenhand.report import (
     figures_biased,
     figures_detector,
@@ -237,3 +239,32 @@ def draw_all(results: Results, workers: int = 1) -> list[Drawn]:
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(workers, len(chosen)), context) as pool:
         return list(pool.map(draw, chosen, [results] * len(chosen)))
+
+
+def write(folder: Path, drawn: Sequence[Drawn]) -> list[Path]:
+    """Write figures as SVG (wide and for a phone), PDF and CSV.
+
+    Args:
+        folder: exists.
+        drawn: the figures.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: when the folder cannot be written.
+    """
+    written = []
+    for figure in drawn:
+        base = folder / figure.plate.name
+        contents = {
+            base.with_suffix(".svg"): figure.svg.encode(),
+            base.with_suffix(".pdf"): figure.pdf,
+            base.with_suffix(".csv"): figure.csv.encode(),
+        }
+        if figure.narrow_svg is not None:
+            contents[base.with_name(f"{base.name}-narrow.svg")] = figure.narrow_svg.encode()
+        for path, content in contents.items():
+            files.write_bytes(path, content)
+        written += list(contents)
+    return written

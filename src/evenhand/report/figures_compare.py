@@ -1,13 +1,12 @@
 """Room: the figures of the comparison: evenness against service, a panel a scenario.
 
-Takes: one row for each arm. Gives: a figure of each algorithm, and their files.
+Takes: one row for each arm. Gives: a figure of each algorithm.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from evenhand import files
 from evenhand.report import figures, style
 from evenhand.report.inputs import Results
 from evenhand.report.tables import Table, table
@@ -67,35 +65,6 @@ def draw_all(rows: Sequence[Mapping[str, Any]], services: int) -> list[figures.D
         part = Table({name: cells[keep] for name, cells in data.columns.items()})
         found.append(figures.draw(_plate(algorithm, services), Results({"compare": part}, {}, [])))
     return found
-
-
-def write(folder: Path, drawn: Sequence[figures.Drawn]) -> list[Path]:
-    """Write figures as SVG (wide and for a phone), PDF and CSV.
-
-    Args:
-        folder: exists.
-        drawn: the figures.
-
-    Returns:
-        The files.
-
-    Raises:
-        InputError: when the folder cannot be written.
-    """
-    written = []
-    for figure in drawn:
-        base = folder / figure.plate.name
-        contents = {
-            base.with_suffix(".svg"): figure.svg.encode(),
-            base.with_suffix(".pdf"): figure.pdf,
-            base.with_suffix(".csv"): figure.csv.encode(),
-        }
-        if figure.narrow_svg is not None:
-            contents[base.with_name(f"{base.name}-narrow.svg")] = figure.narrow_svg.encode()
-        for path, content in contents.items():
-            files.write_bytes(path, content)
-        written += list(contents)
-    return written
 
 
 def _plate(algorithm: str, services: int) -> figures.Plate:

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from evenhand import files, report, templates
-from evenhand.report import figures, figures_compare, html
+from evenhand.report import figures, html
 from evenhand.report.html import Listing
 from evenhand.report.tables import NOT_DEFINED, Table, say, say_share
 from evenhand.study import analysis_figures
@@ -80,7 +80,7 @@ def write(found: Analysis, answers: Answers, source: Source, folder: Path) -> Pa
     pictures = files.make_folder(folder / "figures")
     for part, some in drawn:
         safe = [dataclasses.replace(one, csv=csv_text(one.data)) for one in some]
-        figures_compare.write(pictures, safe)
+        figures.write(pictures, safe)
         for name, table in part.tables.items():
             files.write_text(data / f"{part.kind}_{name}.csv", csv_text(table))
     files.write_json(
