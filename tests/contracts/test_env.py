@@ -82,6 +82,18 @@ class TestGymnasium:
         env.reset(seed=0)
         assert env.render() is None
 
+    @pytest.mark.parametrize(
+        "seed", [np.int64(0), [0, 1, 2], (0, 1, 2), np.arange(3), [np.int64(0), np.int8(1), 2]]
+    )
+    def test_a_seed_counts_whatever_kind_of_number_it_is(self, seed):
+        envs = RestaurantVectorEnv(3)
+        envs.reset(seed=5)
+        plain = RestaurantVectorEnv(3).reset(seed=0)
+        for made in (RestaurantVectorEnv(3), envs):
+            observation, info = made.reset(seed=seed)
+            np.testing.assert_array_equal(observation, plain[0])
+            np.testing.assert_array_equal(info["identities"], plain[1]["identities"])
+
     @pytest.mark.parametrize("mode", list(AutoresetMode))
     def test_the_autoreset_mode_is_declared(self, mode):
         assert RestaurantVectorEnv(1, mode).metadata["autoreset_mode"] is mode
@@ -143,6 +155,10 @@ class TestWrongUse:
             ({"noise": NAN}, "noise is nan"),
             ({"dropout": 1.0}, "dropout is 1.0: give a probability below 1"),
             ({"dropout": -0.1}, "dropout is -0.1"),
+            ({"population": None}, "unknown population 'None'"),
+            ({"interval": 5.0}, "interval is 5.0: give a whole number"),
+            ({"interval": True}, "interval is True: give a whole number"),
+            ({"noise": "a"}, "noise is 'a': give a number"),
         ],
     )
     def test_settings(self, make, settings, said):
@@ -156,6 +172,10 @@ class TestWrongUse:
     def test_render_mode(self):
         with pytest.raises(InputError, match=r"unknown render mode 'human': .*rgb_array"):
             RestaurantEnv(render_mode="human")
+
+    def test_camera(self):
+        with pytest.raises(InputError, match="unknown camera 'rom': did you mean 'room'"):
+            RestaurantEnv(camera="rom")
 
     @pytest.mark.parametrize("action", [2, -1, 0.0, None, "walk", np.array([0])])
     def test_actions_of_one(self, action):
@@ -183,7 +203,7 @@ class TestWrongUse:
 
     def test_step_before_reset_and_after_the_end(self):
         env = RestaurantEnv()
-        with pytest.raises(RuntimeError, match="call reset"):
+        with pytest.raises(RuntimeError, match=r"^call reset\(\) before step"):
             env.step(0)
         env.reset(seed=0)
         env.step(1)
@@ -219,9 +239,32 @@ class TestWrongUse:
         with pytest.raises(InputError, match=said):
             envs.reset(options={"reset_mask": mask})
 
-    def test_seeds_for_another_number_of_lanes(self):
-        with pytest.raises(InputError, match="2 seeds for 3 lanes"):
-            RestaurantVectorEnv(3).reset(seed=[1, 2])
+    @pytest.mark.parametrize("mode", list(AutoresetMode))
+    def test_the_first_reset_begins_every_lane(self, mode):
+        mask = np.array([True, False, False])
+        envs, single = RestaurantVectorEnv(3, mode), [RestaurantEnv] * 3
+        with pytest.raises(ValueError):  # noqa: PT011 - so does Gymnasium, of arrays that lack
+            gym.vector.SyncVectorEnv(single).reset(seed=1, options={"reset_mask": mask})
+        with pytest.raises(InputError, match="leaves lanes out in which no service has begun"):
+            envs.reset(seed=1, options={"reset_mask": mask})
+        with pytest.raises(RuntimeError, match="call reset"):
+            envs.step(np.zeros(3, int))
+        whole = envs.reset(seed=1, options={"reset_mask": np.ones(3, bool)})[0]
+        np.testing.assert_array_equal(whole, RestaurantVectorEnv(3).reset(seed=1)[0])
+
+    @pytest.mark.parametrize(
+        ("seed", "said"),
+        [
+            ([1, 2], "2 seeds for 3 lanes"),
+            ([], "0 seeds for 3 lanes"),
+            (np.arange(4), "4 seeds for 3 lanes"),
+            ([1, 2.0, 3], "seed 2.0 is no whole number"),
+            (np.array([0.5, 1.0, 2.0]), "seed 0.5 is no whole number"),
+        ],
+    )
+    def test_seeds_that_are_none(self, seed, said):
+        with pytest.raises(InputError, match=said):
+            RestaurantVectorEnv(3).reset(seed=seed)
 
     def test_no_lanes(self):
         with pytest.raises(InputError, match="num_envs is 0"):

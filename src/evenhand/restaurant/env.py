@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from evenhand.errors import InputError, unknown
-from evenhand.restaurant import plan, task
+from evenhand.restaurant import dressing, plan, task
 from evenhand.restaurant.episodes import (
     FACT_NAMES,
     Source,
@@ -86,6 +86,8 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         self.settings = settings_from(settings)
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise unknown("render mode", render_mode, self.metadata["render_modes"])
+        if camera not in dressing.CAMERAS:
+            raise unknown("camera", camera, dressing.CAMERAS)
         self.render_mode = render_mode
         self._camera = camera
         self._screen: Any = None
@@ -122,8 +124,11 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
 
         Raises:
             InputError: for an action other than 0 and 1.
-            RuntimeError: when the service has ended and ``reset`` was not called.
+            RuntimeError: when the service has ended, or none has begun, and ``reset`` was not
+                called.
         """
+        if not self._begun:
+            raise RuntimeError("call reset() before step()")
         if not self._running:
             raise RuntimeError("the service has ended: call reset() before the next step()")
         if not self.action_space.contains(action):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from evenhand import people
-from evenhand.errors import unknown
+from evenhand.errors import InputError, unknown
 from evenhand.restaurant import kernels, layout, needs, plan, senses, task
 from evenhand.restaurant.lanes import Beginning, Lanes
 from evenhand.restaurant.world import Rows
@@ -39,6 +40,13 @@ class RestaurantSettings:
     needs: float = 0.0
 
     def __post_init__(self) -> None:
+        if not isinstance(self.population, str):
+            raise unknown("population", str(self.population), people.POPULATIONS)
+        for name in ("interval", "noise", "dropout", "perception", "needs"):
+            kind, words = (Integral, "whole number") if name == "interval" else (Real, "number")
+            value = getattr(self, name)
+            if not isinstance(value, kind) or isinstance(value, bool):
+                raise InputError(f"{name} is {value!r}: give a {words}")
         people.population(self.population)
         task.TaskSettings(self.interval)
         senses.SenseSettings(self.noise, self.dropout, self.perception)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import gymnasium as gym
@@ -69,18 +71,26 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self,
         *,
-        seed: int | list[int | None] | None = None,
+        seed: int | Sequence[int | None] | np.ndarray | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin the next service in every lane, or in those of ``options["reset_mask"]``."""
+        """Begin the next service in every lane, or in those of ``options["reset_mask"]``.
+
+        Raises:
+            InputError: for seeds that are no whole numbers or not one a lane, or a mask that is
+                none, or that leaves a lane out in which no service has begun yet.
+        """
         n = self.num_envs
-        seeds = [seed + i for i in range(n)] if isinstance(seed, int) else seed or [None] * n
-        if len(seeds) != n:
-            raise InputError(f"{len(seeds)} seeds for {n} lanes: give one number or one a lane")
+        seeds = _seeds(seed, n)
         ids = self._all
         if options is not None and "reset_mask" in options:
             ids = np.flatnonzero(_reset_mask(options["reset_mask"], n))
         if not self._rngs:
+            if len(ids) < n:
+                raise InputError(
+                    "options['reset_mask'] leaves lanes out in which no service has begun yet: "
+                    "give no mask to the first reset"
+                )
             self._rngs = [seeding.np_random(one)[0] for one in seeds]
         else:
             for lane in ids:
@@ -156,6 +166,21 @@ def _masked(facts: np.ndarray, ended: np.ndarray) -> dict[str, np.ndarray]:
     for name in FACT_NAMES:
         out[name], out[f"_{name}"] = facts[name], ended
     return out
+
+
+def _seeds(seed: int | Sequence[int | None] | np.ndarray | None, n: int) -> list[int | None]:
+    """A seed for each lane: from one number s, s + 1, ..."""
+    if seed is None:
+        return [None] * n
+    if isinstance(seed, int | Integral):
+        return [int(seed) + i for i in range(n)]
+    each = np.ravel(seed).tolist() if isinstance(seed, np.ndarray) else list(seed)
+    if len(each) != n:
+        raise InputError(f"{len(each)} seeds for {n} lanes: give one number or one a lane")
+    for one in each:
+        if one is not None and not isinstance(one, Integral):
+            raise InputError(f"seed {one!r} is no whole number: give one number or one a lane")
+    return [None if one is None else int(one) for one in each]
 
 
 def _reset_mask(mask: Any, n: int) -> np.ndarray:
