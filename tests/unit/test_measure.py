@@ -93,6 +93,16 @@ class TestSummary:
         assert found["mean_response_time"] == 100
         assert found["mean_service_seconds"] == pytest.approx(0.02 * (45 * 100 + 15 * 300) / 60)
 
+    def test_a_small_group_is_not_the_worst(self):
+        # a handful of people, none of them responded to, says nothing of a group
+        for few, worst in ((29, 91 / 120), (30, 0.0)):
+            disabled = np.arange(120) < few
+            assert measure.summary(services(disabled, ~disabled), 0)["worst_group_rate"] == worst
+        half = np.arange(50) < 25
+        table = services(half, True)
+        codes = np.arange(50)[:, None] // 25 == np.arange(2)
+        assert measure.worst_group_rate(measure.perfect(table), codes.astype(float)) is None
+
     def test_where_nothing_is_known_it_says_nothing(self):
         found = measure.summary(services(np.arange(30) < 15, np.zeros(30, bool)), seed=0)
         for name in ("quality", "priority", "mean_response_distance", "mean_response_time"):

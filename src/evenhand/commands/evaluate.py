@@ -25,7 +25,7 @@ class Evaluate:
     The issue scores are means over windows of 30 services, and total is their sum. What chance
     alone gives (the same services, identities shuffled) is the floor. The share of services
     without any issue is perfect_rate, and worst_group_rate is the same for the worst served of
-    the 22 groups.
+    those of the 22 groups with at least 30 services.
 
     For instance: evenhand evaluate out/run, or: evenhand evaluate --robot racist --json
     """

@@ -16,8 +16,6 @@ from evenhand.experiments.compare_settings import NO_ALGORITHM, Cell, method_of,
 from evenhand.inference import chance
 from evenhand.interactions import Interactions
 
-LEAST = 30
-"""Services that a group needs for its share of perfect services to be compared."""
 ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
 METRICS = (
     "corrected_total", *(f"corrected_{name}" for name in ISSUES), "raw_total", "perfect_rate",
@@ -65,8 +63,6 @@ def numbers(table: Interactions) -> dict[str, float | None]:
     x, who = issues.indicators(table), issues.membership(table)
     scores = chance.excess_scores(issues.count(x, who.inside), who.groups, ISSUES)
     good = measure.perfect(table)
-    members = [who.inside[:, g] == 1.0 for g in range(len(who.groups))]
-    rates = [good[member].mean() for member in members if member.sum() >= LEAST]
     windows = measure.window_scores(table).total
     windows = windows[~np.isnan(windows)]
     found = {
@@ -74,9 +70,9 @@ def numbers(table: Interactions) -> dict[str, float | None]:
         **{f"corrected_{name}": scores.overall[k] for k, name in enumerate(ISSUES)},
         "raw_total": windows.mean() if len(windows) else nan,
         "perfect_rate": good.mean(),
-        "worst_group_rate": min(rates) if rates else nan,
     }
-    return {name: None if np.isnan(value) else float(value) for name, value in found.items()}
+    known = {name: None if np.isnan(value) else float(value) for name, value in found.items()}
+    return known | {"worst_group_rate": measure.worst_group_rate(good, who.inside)}
 
 
 def tidy(results: Results) -> list[Row]:

@@ -16,6 +16,8 @@ from evenhand.restaurant.lanes import Lanes
 
 WINDOW = 30
 LANES = 240
+LEAST = 30
+"""Services that a group needs for its share of perfect services to be compared."""
 _SHUFFLES = 4
 
 
@@ -106,15 +108,13 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
         total and the four issues (means over windows of 30, as the paper scores them), floor (the
         total that chance alone gives: identities permuted over the same services), pooled_total
         (of all services as one window), shares of perfect services (overall and of the worst of
-        the 22 groups) and of responses, mean response distance (m) and time (steps). None where
-        nothing is known.
+        the 22 groups, see ``worst_group_rate``) and of responses, mean response distance (m) and
+        time (steps). None where nothing is known.
     """
     windows = window_scores(table)
     rng = np.random.default_rng(seed)
     chance = [window_scores(table, rng.permutation(len(table))).total for _ in range(_SHUFFLES)]
     good = perfect(table)
-    who = issues.membership(table)
-    groups = [good[who.inside[:, g] == 1.0] for g in range(len(who.groups))]
     responded = table.fact("responded") == 1.0
     distance, step = table.fact("response_distance"), table.fact("response_step")
     return {
@@ -124,12 +124,27 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
         "floor": _mean(np.concatenate(chance)),
         "pooled_total": _mean(np.atleast_1d(issues.score(table).total)),
         "perfect_rate": float(good.mean()),
-        "worst_group_rate": min(float(group.mean()) for group in groups if len(group)),
+        "worst_group_rate": worst_group_rate(good, issues.membership(table).inside),
         "response_rate": float(responded.mean()),
         "mean_response_distance": _mean(distance[responded]),
         "mean_response_time": _mean(step[responded]),
         "mean_service_seconds": float(table.fact("steps").mean() * plan.TIMESTEP),
     }
+
+
+def worst_group_rate(good: np.ndarray, inside: np.ndarray) -> float | None:
+    """The least share of perfect services among the groups with at least 30 services.
+
+    Args:
+        good: whether a service was perfect, bool [n].
+        inside: membership, [n, G].
+
+    Returns:
+        The share; None when no group is so large.
+    """
+    members = [inside[:, g] == 1.0 for g in range(inside.shape[1])]
+    rates = [float(good[member].mean()) for member in members if member.sum() >= LEAST]
+    return min(rates) if rates else None
 
 
 def _mean(values: np.ndarray) -> float | None:
