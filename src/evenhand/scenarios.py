@@ -97,6 +97,16 @@ def scenario(name: str) -> Scenario:
     return whole
 
 
+def ordered(name: str) -> str:
+    """The one way in which a scenario is written: ``tips+perception`` is ``perception+tips``.
+
+    Raises:
+        InputError: as ``scenario``.
+    """
+    scenario(name)
+    return "+".join(sorted(name.split("+"), key=list(SCENARIOS).index))
+
+
 _FIRST_AGE = [group[0] for group in people.GROUPS].index("age")
 _FIRST_DISABILITY = [group[0] for group in people.GROUPS].index("disability")
 _RUN_UP = plan.TOP_SPEED / plan.MAX_ACCELERATION

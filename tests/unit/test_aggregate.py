@@ -89,6 +89,13 @@ class TestBootstrap:
         found = aggregate.mean_of([np.zeros(2), np.full(2, 10.0)], rng())
         assert (found.value, found.low, found.high, found.n) == (5.0, 5.0, 5.0, 4)
 
+    def test_a_stratum_of_one_value_leaves_no_interval(self):
+        # nothing is known of its scatter; without it the interval would be far too narrow
+        found = aggregate.mean_of([np.arange(10.0), np.array([3.0])], rng())
+        assert found.n == 11
+        assert isnan(found.low)
+        assert isnan(found.high)
+
     def test_seeds_stay_together(self):
         x = np.array([1.0, 5.0, 9.0, 30.0])
         found = aggregate.difference([np.stack([x + 2.0, x], axis=1)], rng())

@@ -147,6 +147,10 @@ MISTAKES = [
     ),
     ('[settings]\nclip = "a"\n', ["line 2, settings.clip: clip is 'a': give a number"]),
     ("[settings]\npasses = 1.5\n", ["line 2, settings.passes: passes is 1.5: give a whole number"]),
+    (
+        'scenarios = ["perception+tips", "tips+perception"]\n',
+        ["line 1, scenarios: 'tips+perception' stands there twice: take it out once"],
+    ),
     ("[settings]\ngamma = [1, 1.0]\n", ["line 2, settings.gamma: 1.0 stands there twice"]),
     (
         "[settings]\nnormalise_advantage = 1\n",

@@ -25,7 +25,7 @@ class Estimate:
 
     Attributes:
         value: of the values themselves; NaN when there are none.
-        low: lower limit; NaN when no stratum has two values.
+        low: lower limit; NaN unless every stratum has two values or more.
         high: upper limit, likewise.
         n: how many values.
     """
@@ -81,8 +81,8 @@ def bootstrap(
         level: of the interval.
 
     Returns:
-        The estimate. The limits are missing when no stratum has two values, for then nothing says
-        how far seeds scatter, or when the statistic of a sample is missing.
+        The estimate. The limits are missing when a stratum has a single value, for then nothing
+        says how far its seeds scatter, or when the statistic of a sample is missing.
 
     Raises:
         InputError: for no resamples or a level outside (0, 1).
@@ -95,7 +95,7 @@ def bootstrap(
     if not n:
         return Estimate(nan, nan, nan, 0)
     value = float(statistic(np.concatenate(known)[None])[0])
-    if max(map(len, known)) < 2:
+    if min(map(len, known)) < 2:
         return Estimate(value, nan, nan, n)
     drawn = [v[rng.integers(len(v), size=(resamples, len(v)))] for v in known]
     found = statistic(np.concatenate(drawn, axis=1))

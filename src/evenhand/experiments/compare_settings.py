@@ -145,18 +145,17 @@ class CompareSettings:
     def __post_init__(self) -> None:
         from evenhand import scenarios  # brings the physics along
 
+        one_way = {"scenarios": scenarios.ordered, "arms": lambda name: arm_of(*method_of(name))}
         for kind in ("scenarios", "arms", "algorithms"):
             names = getattr(self, kind)
             one = kind.removesuffix("s")
             if not names:
                 raise InputError(f"no {one} is given: name at least one")
-            if kind == "arms":
-                names = tuple(arm_of(*method_of(name)) for name in names)
+            if kind in one_way:
+                names = tuple(one_way[kind](name) for name in names)
                 object.__setattr__(self, kind, names)
             if len(set(names)) < len(names):
                 raise InputError(f"an entry of {kind} is given twice: {', '.join(names)}")
-        for name in self.scenarios:
-            scenarios.scenario(name)
         for name in self.algorithms:
             if name not in ALGORITHMS:
                 raise unknown("algorithm", name, ALGORITHMS)

@@ -109,7 +109,9 @@ def summary(results: Results) -> list[Row]:
     alone, of the same algorithm and the same seeds: ``difference``, and ``improvement``, the
     probability of being better. For corrected_total ``share`` too: how much of the way from
     service alone to the reference robot. Rows of scenario ``all`` pool every scenario but even,
-    for arms that were run in each.
+    for arms that were run in each, over the seeds that an arm has in each: so every scenario
+    counts alike, however many seeds it has (as with Agarwal et al. 2021, where all tasks have
+    equally many runs).
     """
     values = _values(results)
     heads = list(
@@ -146,7 +148,7 @@ def _summary_row(
     row: Row = {"scenario": name, "algorithm": algorithm, "arm": arm, "metric": metric}
     middle = aggregate.mean_of(_together(own), rng)
     row |= {"iqm": middle.value, "low": middle.low, "high": middle.high}
-    row["seeds"] = len({seed for stratum in own for seed in stratum})
+    row["seeds"] = middle.n // len(scenarios)
     pairs = _together(own, service)
     sign = 1.0 if metric in GREATER_IS_BETTER else -1.0
     row |= _cells("difference", aggregate.difference(pairs, rng))
@@ -161,18 +163,18 @@ def _cells(name: str, estimate: Estimate) -> Row:
 
 
 def _together(*columns: Sequence[Mapping[int, float]]) -> list[np.ndarray]:
-    """Values of the seeds that all columns have, for each stratum.
+    """Values of the seeds that all columns have in every stratum, for each stratum.
+
+    A mean over unequally many seeds would be one over another mix of scenarios.
 
     Returns:
-        [n_s] each for one column, [n_s, C] for several. None at all unless every stratum has some:
-        a mean over other scenarios would be another one.
+        [n] each for one column, [n, C] for several; none at all without such seeds.
     """
-    found = []
-    for stratum in zip(*columns, strict=True):
-        seeds = sorted(set(stratum[0]).intersection(*stratum[1:]))
-        found.append(np.array([[column[seed] for column in stratum] for seed in seeds]))
-    if any(not len(values) for values in found):
+    strata = list(zip(*columns, strict=True))
+    seeds = sorted(set.intersection(*(set(column) for stratum in strata for column in stratum)))
+    if not seeds:
         return []
+    found = [np.array([[column[s] for column in stratum] for s in seeds]) for stratum in strata]
     return [values[:, 0] for values in found] if len(columns) == 1 else found
 
 

@@ -208,8 +208,7 @@ def _name(kind: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def _scenario(value: Any) -> str:
-    scenarios.scenario(_text("scenario", value))
-    return value
+    return scenarios.ordered(_text("scenario", value))
 
 
 def _arm(value: Any) -> str:

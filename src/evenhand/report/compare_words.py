@@ -169,7 +169,8 @@ def _seeds(c: Comparison) -> Iterator[tuple[str, str]]:
         yield (
             "Unequal seeds.",
             f"Arms have {least} to {most} seeds. Differences and shares use the seeds that both "
-            "sides have; interquartile means use all of their own.",
+            "sides have; interquartile means use all of their own. Rows of all scenarios use the "
+            "seeds that an arm has in each of them, so that every scenario counts alike.",
         )
 
 

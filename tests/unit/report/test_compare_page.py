@@ -215,6 +215,7 @@ def test_few_and_unequal_seeds_are_said(tmp_path: Path) -> None:
     said = dict(compare_words.limits(compare_data.read(folder)))
     assert said["Few seeds."].startswith("2 to 3 seeds an arm, where the aims ask for 10. An inter")
     assert said["Unequal seeds."].startswith("Arms have 2 to 3 seeds.")
+    assert "Rows of all scenarios use the seeds that an arm has in each" in said["Unequal seeds."]
     assert said["Short tests."].startswith("600 services a run")
     assert "changed since the commit" in said["Code."]
     assert "a comparison of then, version 0" in said["Earlier runs."]

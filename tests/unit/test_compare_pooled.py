@@ -1,0 +1,94 @@
+"""Rows over all scenarios: every scenario counts alike, however many seeds were run in it."""
+
+from collections.abc import Mapping
+from math import isnan
+from typing import Any
+
+import pytest
+
+from evenhand import scenarios
+from evenhand.errors import InputError
+from evenhand.experiments import compare_tables
+from evenhand.experiments.compare_settings import Cell, CompareSettings
+
+# level-up halves unevenness wherever it is, and the reference robot has none
+TOTALS = {
+    "perception": {"service": 0.5, "levelup": 0.25},
+    "tips": {"service": 0.1, "levelup": 0.05},
+}
+Seeds = Mapping[str, Mapping[str, range]]
+
+
+def pooled(seeds: Seeds, metric: str = "corrected_total") -> dict[str, dict[str, Any]]:
+    """The row of each arm that learns over all scenarios."""
+    found: dict[Cell, dict[str, float | None]] = {}
+    for scenario, arms in TOTALS.items():
+        for seed in range(10):
+            found[Cell(scenario, "none", "reference", seed)] = dict.fromkeys(
+                compare_tables.METRICS, 0.0
+            )
+        for arm, total in arms.items():
+            for seed in seeds[scenario][arm]:
+                cell = Cell(scenario, "ppo", arm, seed)
+                # seeds scatter around their total, by pairs that take each other up
+                wave = 0.01 * (-1) ** seed
+                found[cell] = dict.fromkeys(compare_tables.METRICS, total + wave * total)
+    rows = compare_tables.summary(found)
+    assert {row["metric"] for row in rows} == set(compare_tables.METRICS)
+    return {
+        row["arm"]: row
+        for row in rows
+        if (row["scenario"], row["algorithm"], row["metric"]) == ("all", "ppo", metric)
+    }
+
+
+UNEQUAL = [
+    {"perception": {"service": range(10), "levelup": range(10)},
+     "tips": {"service": range(2), "levelup": range(2)}},
+    {"perception": {"service": range(2), "levelup": range(10)},
+     "tips": {"service": range(10), "levelup": range(2)}},
+    {"perception": {"service": range(10), "levelup": range(2)},
+     "tips": {"service": range(2), "levelup": range(10)}},
+    {"perception": {"service": range(2), "levelup": range(2)},
+     "tips": {"service": range(2), "levelup": range(2)}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("seeds", UNEQUAL)
+def test_a_mean_over_scenarios_does_not_depend_on_how_many_seeds_each_has(seeds):
+    rows = pooled(seeds)
+    for arm, factor in (("service", 1.0), ("levelup", 0.5)):
+        # the middle half of 0.495, 0.505, 0.099 and 0.101
+        assert rows[arm]["iqm"] == pytest.approx(factor * (0.101 + 0.495) / 2)
+        assert rows[arm]["seeds"] == 2
+        assert rows[arm]["low"] < rows[arm]["iqm"] < rows[arm]["high"]
+    assert rows["levelup"]["difference"] == pytest.approx(-0.5 * (0.101 + 0.495) / 2)
+    assert rows["levelup"]["improvement"] == 1.0
+    assert rows["levelup"]["share"] == pytest.approx(0.5)
+
+
+def test_other_arms_keep_their_seeds():
+    seeds = {name: {"service": range(10), "levelup": range(3)} for name in TOTALS}
+    rows = pooled(seeds)
+    assert (rows["service"]["seeds"], rows["levelup"]["seeds"]) == (10, 3)
+
+
+def test_one_common_seed_has_no_interval_and_none_no_number():
+    one = {"service": range(10), "levelup": range(1, 10)}
+    rows = pooled({"perception": one, "tips": {"service": range(10), "levelup": range(2)}})
+    assert rows["levelup"]["seeds"] == 1
+    assert rows["levelup"]["iqm"] == pytest.approx(0.99 * 0.15)
+    assert isnan(rows["levelup"]["low"])
+    rows = pooled({"perception": one, "tips": {"service": range(10), "levelup": range(1)}})
+    assert rows["levelup"]["seeds"] == 0
+    assert isnan(rows["levelup"]["iqm"])
+
+
+def test_a_scenario_has_one_name():
+    assert scenarios.ordered("tips+perception") == "perception+tips"
+    assert scenarios.ordered("everyday") == "everyday"
+    assert CompareSettings(scenarios=("tips+minority",)).scenarios == ("minority+tips",)
+    with pytest.raises(InputError, match="scenarios is given twice"):
+        CompareSettings(scenarios=("perception+tips", "tips+perception"))
+    with pytest.raises(InputError, match="contradicts itself"):
+        scenarios.ordered("tips+everyday")
