@@ -9,7 +9,10 @@ import pytest
 
 from evenhand import detector_io
 from evenhand.detector_io import SHIPPED
+from evenhand.errors import InputError
 from evenhand.interactions import Interactions
+from evenhand.learn import run, train
+from evenhand.learn.settings import settings_of
 
 ANSWERS = """willingness,quality,priority,risk,biased,discrimination,respondent
 0.1,0.1,0.0,0.0,no,,ann
@@ -111,6 +114,40 @@ def test_a_detector_file_that_cannot_be_right(cli, tmp_path, words, content, sai
     complaint = cli(*words, "--detector", "d.json").complaint
     assert said in complaint
     assert "detector file d.json" in complaint
+    assert not (tmp_path / "run").exists()
+
+
+ISSUES = ("willingness", "quality", "priority", "risk")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            # a detector is fed by position, so that another order would be silently wrong
+            {"issues": ["risk", "quality", "priority", "willingness"]},
+            "the detector judges risk, quality, priority, willingness, and training scores "
+            f"{', '.join(ISSUES)}, in this order: fit a detector to judgements of these issues",
+        ),
+        (
+            {"identities": ["race", "caste"]},
+            "the detector was taught with race, caste, and people in the restaurant have race, "
+            "gender, age, disability, skin: fit a detector to judgements of these identities",
+        ),
+    ],
+)
+def test_a_detector_of_something_else_trains_nobody(cli, tmp_path, changes, said):
+    (tmp_path / "d.json").write_text(spoil(**changes))
+    words = ("train", "--out", "run", "--detector", "d.json", "--log", "tensorboard")
+    assert cli(*words).complaint == said
+    assert not (tmp_path / "run").exists()
+    detector = detector_io.load(tmp_path / "d.json")
+    settings = settings_of("service", "ppo", "none", epochs=2)
+    with pytest.raises(InputError) as caught:
+        run.execute(tmp_path / "run", settings, detector)
+    assert str(caught.value) == said
+    with pytest.raises(InputError):
+        next(train.train(settings, detector))
     assert not (tmp_path / "run").exists()
 
 

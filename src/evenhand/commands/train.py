@@ -119,12 +119,13 @@ class Train:
             raise InputError("--log names no sink: give tensorboard, wandb or both")
         inputs.load_physics()
         from evenhand import show
-        from evenhand.learn import run, sinks
+        from evenhand.learn import run, sinks, train
         from evenhand.learn.runtime import set_up_jax
 
         set_up_jax()
         settings = self.settings()
         judge = inputs.load_detector(self.detector)
+        train.check_detector(judge)
         with sinks.opened(self.log or (), self.out) as note, show.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
 

@@ -73,9 +73,10 @@ def execute(
         The trained learner.
 
     Raises:
-        InputError: when the folder cannot be written, is in use, holds another run, or a file of
-            it is missing or damaged.
+        InputError: when the detector cannot judge services here, or the folder cannot be written,
+            is in use, holds another run, or a file of it is missing or damaged.
     """
+    train.check_detector(detector)  # before there is a folder
     root = files.make_folder(folder)
     with files.locked(root):
         files.sweep(root)

@@ -16,6 +16,7 @@ import numpy as np
 
 from evenhand import credit, guard, issues, people
 from evenhand.detector import Detector
+from evenhand.errors import InputError
 from evenhand.interactions import Interactions
 from evenhand.learn import imitate, lesson, reflection
 from evenhand.learn.past import Past
@@ -112,7 +113,11 @@ def train(
 
     Yields:
         A record after every update.
+
+    Raises:
+        InputError: as ``check_detector``.
     """
+    check_detector(detector)
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
     past = Past.empty(settings) if past is None else past
@@ -179,6 +184,28 @@ def train(
             numbers |= found.numbers()
         numbers["time_reflecting"] = perf_counter() - updated_at
         yield EpochRecord(number, _plain(numbers), table, state, past, seen)
+
+
+def check_detector(detector: Detector) -> None:
+    """Whether a detector can judge services in the restaurant.
+
+    Raises:
+        InputError: when it judges other issues or asks for them in another order, or was taught
+            with identities that nobody here has.
+    """
+    names = tuple(issue.name for issue in issues.PAPER_ISSUES)
+    if detector.issues != names:
+        raise InputError(
+            f"the detector judges {', '.join(detector.issues)}, and training scores "
+            f"{', '.join(names)}, in this order: fit a detector to judgements of these issues"
+        )
+    known = [identity.name for identity in people.IDENTITIES]
+    if not detector.identities or not {*detector.identities} <= {*known}:
+        raise InputError(
+            f"the detector was taught with {', '.join(detector.identities) or 'no identity'}, and "
+            f"people in the restaurant have {', '.join(known)}: fit a detector to judgements of "
+            "these identities"
+        )
 
 
 def judged(
