@@ -128,6 +128,15 @@ SHAPES = [
     ((*EVEN, "run"), "name either the folder of a run or a scripted robot with --robot"),
     (("evaluate", "x", "--strength", "1"), "--strength belongs to a scripted robot"),
     (("detect", "judge"), "name either a file of services or four numbers with --scores"),
+    ((*TRAIN, "--strength", "7"), "--strength does nothing with --guidance penalty: it belongs to"),
+    ((*TRAIN, "--guidance", "none", "--penalty", "0.1"), "--penalty does nothing with --guidance"),
+    ((*TRAIN, "--guidance", "score", "--penalty", "0.1"), "--penalty does nothing with --guidance"),
+    (
+        (*TRAIN, "--guidance", "levelup", "--credit", "epoch"),
+        "--credit does nothing with --guidance levelup: it belongs to score and penalty, so leave",
+    ),
+    ((*TRAIN, "--preset", "paper", "--scenario", "tips"), "nobody would tip in scenario 'tips'"),
+    ((*TRAIN, "--preset", "paper", "--guidance", "none"), "guidance none rewards nothing"),
     (("reproduce", "--preset", "--out", "x"), "no preset is given: choose from paper, service"),
     ((*REPRODUCE, "--preset", "paper", "paper"), "a preset is given twice: paper, paper"),
 ]

@@ -66,6 +66,19 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     *(({"guidance": told(kind)}, PAPER.format(kind)) for kind in guidance.SERVICE_KINDS),
     ({"guidance": NONE, "rival": "r_ppo"}, PAPER.format("r_ppo")),
+    (
+        {"guidance": NONE},
+        "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: choose "
+        "score or penalty, or the preset service",
+    ),
+    *(
+        (
+            {"scenario": name},
+            "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
+            f"{name!r}: choose the preset service, or a scenario without tips",
+        )
+        for name in ("tips", "perception+tips", "everyday")
+    ),
     ({"seed": -1}, "seed is -1: give a whole number from 0 to 4294967295"),
     ({"epochs": 0}, "epochs is 0: give a whole number from 1 to 1000000"),
     ({"people": 1}, "people is 1: give a whole number from 2 to 10000"),
@@ -84,7 +97,8 @@ def test_what_is_refused(wrong, said):
 
 RIGHT: list[dict[str, Any]] = [
     {},
-    *({"guidance": told(kind)} for kind in ("none", "score", "penalty")),
+    *({"guidance": told(kind)} for kind in ("score", "penalty")),
+    *({"scenario": name} for name in ("even", "prejudiced", "perception", "minority")),
     *({"preset": "service", "guidance": told(kind)} for kind in guidance.KINDS),
     *(
         {"preset": "service", "guidance": NONE, "rival": name, "rival_strength": strength}
@@ -110,15 +124,15 @@ def test_a_scenario_brings_its_population_unless_one_is_given():
 
 def test_a_scenario_sets_the_sensor_and_nothing_else_of_it():
     sense = SenseSettings(noise=0.05, dropout=0.1)
-    chosen = TrainSettings(scenario="perception+tips", sense=sense)
+    chosen = TrainSettings("service", scenario="perception+tips", sense=sense)
     assert chosen.sensor == SenseSettings(noise=0.05, dropout=0.1, perception=1.0)
-    assert TrainSettings(scenario="everyday").sensor == SenseSettings(0.01, 0.02, 0.5)
+    assert TrainSettings("service", scenario="everyday").sensor == SenseSettings(0.01, 0.02, 0.5)
     assert TrainSettings().sensor == SenseSettings()
 
 
 def test_a_scenario_sets_the_needs():
     assert TrainSettings(scenario="minority").needs == NeedSettings(1.0)
-    assert TrainSettings(scenario="everyday").needs == NeedSettings(0.5)
+    assert TrainSettings("service", scenario="everyday").needs == NeedSettings(0.5)
     assert TrainSettings(scenario="perception").needs == NeedSettings(0.0)
 
 

@@ -150,6 +150,8 @@ def test_certainty_does_not_overflow():
     [
         ({"hidden": ()}, "hidden is"),
         ({"hidden": (64, 0)}, "hidden is"),
+        ({"hidden": (1_000_000_000,)}, "give 1 to 16 layers, each of 1 to 4,096 units"),
+        ({"hidden": (1,) * 17}, "give 1 to 16 layers"),
         ({"activation": "tanhh"}, "did you mean 'tanh'"),
         ({"initial_response_rate": 0.0}, "initial_response_rate is 0.0"),
         ({"initial_response_rate": 1.0}, "initial_response_rate is 1.0"),

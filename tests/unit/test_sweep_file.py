@@ -151,6 +151,8 @@ MISTAKES = [
         'scenarios = ["perception+tips", "tips+perception"]\n',
         ["line 1, scenarios: 'tips+perception' stands there twice: take it out once"],
     ),
+    ("[settings]\nhidden = [1000000000]\n", ["line 2, settings.hidden: hidden is (1000000000,);"]),
+    ("[settings]\npasses = 100000000000\n", ["line 2, settings.passes: passes is 100000000000:"]),
     ("[settings]\ngamma = [1, 1.0]\n", ["line 2, settings.gamma: 1.0 stands there twice"]),
     (
         "[settings]\nnormalise_advantage = 1\n",

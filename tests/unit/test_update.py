@@ -234,8 +234,10 @@ def test_an_update_leaves_the_state_before_as_it_was():
         ({"value_coefficient": float("nan")}, "value_coefficient is nan"),
         ({"gamma": 1.01}, "gamma is 1.01; give a number from 0 to 1"),
         ({"gae_lambda": -0.5}, "gae_lambda is -0.5"),
-        ({"passes": 0}, "passes is 0; give a whole number"),
+        ({"passes": 0}, "passes is 0: give a whole number from 1 to 10000"),
+        ({"passes": 100_000_000_000}, "passes is 100000000000"),
         ({"minibatches": -3}, "minibatches is -3"),
+        ({"minibatches": 1_000_000}, "minibatches is 1000000"),
     ],
 )
 def test_impossible_settings_are_refused(wrong, message):

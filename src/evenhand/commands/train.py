@@ -72,17 +72,17 @@ class Train:
     """Hide from the policy whom it serves."""
 
     credit: Literal["own_groups", "epoch"] = "own_groups"
-    """Whose disparity the reward for a person counts.
+    """With --guidance score or penalty, whose disparity the reward for a person counts.
     own_groups: of the groups this person belongs to.
     epoch: of all groups, the same for everybody."""
 
     tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
-    """Weights of willingness, quality, priority and risk in Eq. 4.
+    """Weights of willingness, quality, priority and risk in Eq. 4 and in self-reflection.
     By name: equal, risk_first, willingness_first, risk_then_willingness.
     Or as numbers: 1,1,1,2."""
 
     penalty: float = 0.5
-    """Lambda of Eq. 5, 0 to 1; counts with --guidance penalty."""
+    """Lambda of Eq. 5, 0 to 1; only with --guidance penalty."""
 
     seed: int = 0
     """Of everything random in the run; the same seed gives the same run."""
@@ -152,6 +152,7 @@ class Train:
         from evenhand import guidance
         from evenhand.learn.settings import settings_of
 
+        self._check_guidance()
         base = settings_of(
             self.preset,
             self.algorithm,
@@ -175,3 +176,19 @@ class Train:
             rival_strength=self.rival_strength,
             unaware=self.unaware,
         )
+
+    def _check_guidance(self) -> None:
+        """Refuse what the chosen guidance never looks at, rather than train without it."""
+        from evenhand.guidance import SERVICE_KINDS
+
+        given = {
+            "strength": (self.strength is not None, SERVICE_KINDS),
+            "credit": (self.credit != Train.credit, ("score", "penalty")),
+            "penalty": (self.penalty != Train.penalty, ("penalty",)),
+        }
+        for name, (changed, kinds) in given.items():
+            if changed and self.guidance not in kinds:
+                raise InputError(
+                    f"--{name} does nothing with --guidance {self.guidance}: it belongs to "
+                    f"{' and '.join(kinds)}, so leave it out"
+                )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
@@ -88,7 +88,10 @@ def method_of(arm: str) -> tuple[str, float | None]:
 
 def arm_of(method: str, strength: float | None) -> str:
     """The inverse of ``method_of``: the one way in which an arm is written."""
-    return method if strength is None else f"{method}@{strength:g}"
+    if strength is None:
+        return method
+    short = f"{strength:g}"
+    return f"{method}@{short if float(short) == strength else repr(strength)}"
 
 
 @dataclass(frozen=True, order=True)
@@ -106,6 +109,23 @@ class Cell:
     def folder(self, out: Path) -> Path:
         """Where it is kept."""
         return out / "runs" / self.scenario / self.algorithm / self.arm / f"seed-{self.seed:02d}"
+
+
+def checked(cell: Cell) -> Cell:
+    """A run that there can be, its scenario and arm written in the one way.
+
+    Raises:
+        InputError: for an unknown scenario, algorithm or arm, or an algorithm that does not go
+            with the arm.
+    """
+    from evenhand import scenarios  # brings the physics along
+
+    method, strength = method_of(cell.arm)
+    algorithms = ALGORITHMS if ARMS[method].learns else (NO_ALGORITHM,)
+    if cell.algorithm not in algorithms:
+        raise unknown(f"algorithm of arm {cell.arm}", cell.algorithm, algorithms)
+    arm = arm_of(method, strength)
+    return replace(cell, scenario=scenarios.ordered(cell.scenario), arm=arm)
 
 
 @dataclass(frozen=True)

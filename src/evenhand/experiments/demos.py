@@ -28,6 +28,9 @@ SLOPPIEST = 0.3
 _CHUNK = 25
 """Windows of one task."""
 _SEED_DEMOS, _SEED_STUDY = 101, 102
+# NumPy pads a seed with zeros, so that [seed, 101] of the design and [seed, 101, 0] of the first
+# windows are one stream: who is served in these follows the numbers that drew the strengths. It
+# stays so, for another stream would change the detector that comes along and published numbers.
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ from evenhand.errors import InputError, unknown
 
 WALK = 0
 RESPOND = 1
+MOST_HIDDEN = (16, 4096)
+"""Most hidden layers, and most units of one: larger networks fill the memory of a machine."""
 
 _ACTIVATIONS: dict[str, Callable[[jax.Array], jax.Array]] = {"tanh": jnp.tanh, "relu": jax.nn.relu}
 
@@ -52,9 +54,10 @@ class PolicySettings:
     decisions on average (2.3 s at 10 Hz) and meets every distance from the start to the person."""
 
     def __post_init__(self) -> None:
-        if not self.hidden or any(units < 1 for units in self.hidden):
+        layers, units = MOST_HIDDEN
+        if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
             raise InputError(
-                f"hidden is {self.hidden}; give at least one layer, each of 1 unit or more"
+                f"hidden is {self.hidden}; give 1 to {layers} layers, each of 1 to {units:,} units"
             )
         if self.activation not in _ACTIVATIONS:
             raise unknown("activation", self.activation, _ACTIVATIONS)

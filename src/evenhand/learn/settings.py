@@ -127,6 +127,16 @@ class TrainSettings:
                 f"preset paper rewards Eq. 4/5 and nothing else, and {method} is added to a "
                 "service reward: choose the preset service"
             )
+        if self.preset == "paper" and kind == "none":
+            raise InputError(
+                "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: "
+                "choose score or penalty, or the preset service"
+            )
+        if self.preset == "paper" and self.world.tips:
+            raise InputError(
+                "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
+                f"{self.scenario!r}: choose the preset service, or a scenario without tips"
+            )
 
 
 def settings_of(

@@ -25,6 +25,8 @@ from evenhand.learn.batches import Decisions, Trajectories, deal, pack
 from evenhand.learn.policy import ActorCritic, PolicySettings, make_policy
 
 ALGORITHMS = ("reinforce", "ppo")
+MOST_STEPS = 10_000
+"""Most passes, and most minibatches of a pass: with more a run would never end."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class UpdateSettings:
         if self.anneal_updates is not None:
             whole("anneal_updates", self.anneal_updates, 1, 1_000_000)
         for name in ("passes", "minibatches"):
-            self._require(name, getattr(self, name) >= 1, "give a whole number of 1 or more")
+            whole(name, getattr(self, name), 1, MOST_STEPS)
 
     @property
     def step_size(self) -> float:
