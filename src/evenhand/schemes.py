@@ -46,7 +46,7 @@ class Identity:
 
     Attributes:
         name: of the column.
-        groups: in the order of their codes, 0 first; at least two.
+        groups: names in the order of their codes, 0 first; at least two.
         reference: the group that the others are compared with; by default each group is compared
             with everybody else, as in Eq. 1. The reference itself always is.
     """
@@ -56,6 +56,14 @@ class Identity:
     reference: str | None = None
 
     def __post_init__(self) -> None:
+        named = isinstance(self.groups, tuple | list) and all(
+            isinstance(group, str) and group for group in self.groups
+        )
+        if not named:
+            raise InputError(
+                f"identity {self.name!r} has the groups {self.groups!r}: give a tuple of names, "
+                "each a text"
+            )
         if len(self.groups) < 2 or len(set(self.groups)) < len(self.groups):
             raise InputError(
                 f"identity {self.name!r} has the groups {list(self.groups)}: name two or more, "
@@ -174,6 +182,8 @@ def own_issue(
 
     def told(facts: Facts) -> np.ndarray:
         columns = [facts.fact(fact) for fact in needs]
+        if not len(columns[0]):
+            return np.zeros(0)  # a rule may take a mean or a maximum
         known = ~np.any([_missing(column) for column in columns], axis=0)
         if where is not None:
             known &= asked("where", where, columns)

@@ -1,5 +1,7 @@
 """Own identities and own issues, scored by hand."""
 
+import re
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -210,6 +212,13 @@ def test_schemes_that_do_not_hold_together(make, said):
         make()
 
 
+@pytest.mark.parametrize("groups", [(1, 2), ("x", None), ("", "x"), ([], "x"), "xy", 2])
+def test_groups_without_names_are_refused(groups):
+    said = f"identity 'a' has the groups {groups!r}: give a tuple of names, each a text"
+    with pytest.raises(InputError, match=f"^{re.escape(said)}$"):
+        Identity("a", groups)
+
+
 @pytest.mark.parametrize(
     ("rule", "said"),
     [
@@ -221,6 +230,12 @@ def test_schemes_that_do_not_hold_together(make, said):
 def test_a_rule_that_gives_something_else(rule, said):
     with pytest.raises(InputError, match=said):
         issues.indicators(TABLE, [own_issue("odd", "late", rule)])
+
+
+def test_no_rule_is_asked_about_no_service():
+    highest = own_issue("highest", ["turns"], lambda turns: turns == turns.max())
+    np.testing.assert_array_equal(issues.indicators(TABLE, [highest])[:, 0], [0, 0, 1, 0, 0, 0, 0])
+    assert issues.indicators(TABLE.take(np.zeros(0, int)), [highest]).shape == (0, 1)
 
 
 def test_tables_of_other_people_are_told():
