@@ -79,9 +79,27 @@ def test_what_makes_sense_is_taken():
         (TOLD | {"total": [0.0, [1.0], 2.0]}, r"'total' of episode 8 .* is .1.0.: give a finite"),
         (TOLD | {"delay": [-0.1, 0.0, 0.0]}, r"'delay' .* is -0.1: give .* at least 0, or None"),
         (TOLD | {"cut": [True, 2, False]}, r"fact 'cut' of episode 8 .* is 2: give True or False"),
+        (TOLD | {"total": [0, 10**400, 1]}, r"'total' of episode 8 .* is 1000+: give a finite"),
+        (TOLD | {"total": np.array([0, 1j, 1])}, r"'total' of episode 7 .* is 0j: give a finite"),
+        (TOLD | {"total": [0.0, np.complex128(1), 1]}, r"'total' of episode 8 .* is .1\+0j.: give"),
+        (
+            TOLD | {"total": np.array(["2020-01-01"] * N, "M8[ns]")},
+            r"'total' of episode 7 .* is 2020-01-01T00:00:00.0+: give a finite number",
+        ),
+        (TOLD | {"steps": np.array([1, 2, 3], "m8[s]")}, r"'steps' of .* is 1 seconds: give a who"),
+        (
+            TOLD | {"steps": [1, np.timedelta64(2, "s"), 3]},
+            r"episode 8 .* is 2 seconds: give a who",
+        ),
         (TOLD | {"who": ["a", "d", "c"]}, r"unknown group of 'who' in episode 8 .lane 2.: 'd'"),
         (TOLD | {"who": ["a", "b", 3.5]}, r"unknown group of 'who' in episode 9 .lane 1.: '3.5'"),
         (TOLD | {"side": ["left", "rihgt", "left"]}, "'rihgt': did you mean 'right'"),
+        (TOLD | {"side": [0, 2, 1]}, r"'side' of episode 8 .* is 2: give 0 to 1, or -1"),
+        (TOLD | {"side": [0, -2.0, 1]}, r"'side' of episode 8 .* is -2.0: give 0 to 1, or -1"),
+        (TOLD | {"side": [0, 10**400, 1]}, r"'side' of episode 8 .* is 1000+: give 0 to 1, or -1"),
+        (TOLD | {"side": [0, 0, np.inf]}, "unknown group of 'side' in episode 9 .lane 1.: 'inf'"),
+        (TOLD | {"side": [True, 0, 1]}, "'True': .* left, right; or its code, 0 to 1, -1 where"),
+        (TOLD | {"side": np.array([0, 1, 0], "m8[ns]")}, "unknown group of 'side' in episode 7"),
         (TOLD | {"side": np.array([0, 2, 1])}, r"'side' of episode 8 .* is 2: give 0 to 1, or -1"),
     ],
 )
@@ -89,6 +107,23 @@ def test_nonsense(told, said):
     with pytest.raises(InputError, match=said) as raised:
         checked(SCHEME, ended(), told)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("side", "expected"),
+    [
+        ([0, 1, None], [0, 1, -1]),
+        ((np.int64(1), np.uint8(0), -1), [1, 0, -1]),
+        (np.array([1.0, np.nan, 0.0]), [1, -1, 0]),
+        ([np.float32(1), np.float32("nan"), 0.0], [1, -1, 0]),
+        (np.ma.array([1, 1, 0], mask=[False, True, False]), [1, -1, 0]),
+        (np.array([1, None, 0], object), [1, -1, 0]),
+        (["right", 0, np.str_("left")], [1, 0, 0]),
+    ],
+)
+def test_groups_by_code_in_whatever_holds_them(side, expected):
+    codes, _ = checked(SCHEME, ended(), TOLD | {"side": side})
+    assert codes[:, 1].tolist() == expected
 
 
 def test_people_are_drawn_or_told_never_both():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -86,8 +87,9 @@ def _listed(name: str, ended: Ended, values: Any) -> np.ndarray:
 def _numbers(fact: Fact, ended: Ended, values: Any) -> np.ndarray:
     listed = _listed(fact.name, ended, values)
     if listed.dtype.kind not in "biuf":
-        for row, value in enumerate(listed.tolist()):
-            if not isinstance(value, bool | int | float | np.number | np.bool_ | None):
+        for row, value in enumerate(listed):
+            plain = _plain(value)
+            if not isinstance(plain, bool | int | float | None) or _beyond(plain):
                 raise _odd(fact, ended, row, value)
     numbers = listed.astype(np.float64)
     wrong = fact.wrong(numbers)
@@ -97,8 +99,22 @@ def _numbers(fact: Fact, ended: Ended, values: Any) -> np.ndarray:
     return numbers
 
 
+def _plain(value: Any) -> Any:
+    """Python's own number or text for NumPy's; a time is neither and stays what it is."""
+    if isinstance(value, np.floating):
+        return float(value)
+    known = isinstance(value, np.integer | np.bool_ | np.str_)
+    return value.item() if known and not isinstance(value, np.timedelta64) else value
+
+
+def _beyond(number: float | None) -> bool:
+    """Whether it is a whole number that no float can hold."""
+    return isinstance(number, int) and abs(number) > sys.float_info.max
+
+
 def _odd(fact: Fact, ended: Ended, row: int, value: Any) -> InputError:
-    shown = repr(value.item() if isinstance(value, np.generic) else value)
+    time = isinstance(value, np.datetime64 | np.timedelta64)
+    shown = str(value) if time else repr(value.item() if isinstance(value, np.generic) else value)
     return InputError(
         f"fact {fact.name!r} of {which(ended, row)} is {shown[:60]}: give {fact.wanted()}"
     )
@@ -107,22 +123,35 @@ def _odd(fact: Fact, ended: Ended, row: int, value: Any) -> InputError:
 def _codes(one: Identity, ended: Ended, values: Any) -> np.ndarray:
     """Codes of groups given by name or code."""
     listed = _listed(one.name, ended, values)
+    last = len(one.groups) - 1
     if listed.dtype.kind in "iu":
-        wrong = (listed < -1) | (listed >= len(one.groups))
+        wrong = (listed < -1) | (listed > last)
         if wrong.any():
-            row = int(wrong.argmax())
-            raise InputError(
-                f"identity {one.name!r} of {which(ended, row)} is {listed[row]}: give 0 to "
-                f"{len(one.groups) - 1}, or -1 where it is not known"
-            )
+            raise _no_code(one, ended, int(wrong.argmax()), listed[wrong][0])
         return listed.astype(np.int64)
     code_of: dict[Any, int] = {group: code for code, group in enumerate(one.groups)}
     codes = np.empty(len(listed), np.int64)
-    for row, value in enumerate(listed.tolist()):
-        if value is None or (isinstance(value, float) and np.isnan(value)):
+    for row, value in enumerate(map(_plain, listed)):
+        counted = isinstance(value, int | float) and not isinstance(value, bool)
+        number = value if counted else None
+        if value is None or number != number:  # NaN
             codes[row] = -1
         elif isinstance(value, str) and value in code_of:
             codes[row] = code_of[value]
+        elif number is not None and number == number // 1:
+            if not -1 <= number <= last:
+                raise _no_code(one, ended, row, number)
+            codes[row] = int(number)
         else:
-            raise unknown(f"group of {one.name!r} in {which(ended, row)}:", str(value), one.groups)
+            found = unknown(
+                f"group of {one.name!r} in {which(ended, row)}:", str(value), one.groups
+            )
+            raise InputError(f"{found}; or its code, 0 to {last}, -1 where it is not known")
     return codes
+
+
+def _no_code(one: Identity, ended: Ended, row: int, value: float) -> InputError:
+    return InputError(
+        f"identity {one.name!r} of {which(ended, row)} is {str(value)[:60]}: give 0 to "
+        f"{len(one.groups) - 1}, or -1 where it is not known"
+    )
