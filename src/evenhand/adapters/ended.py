@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 Info = Mapping[str, Any]
 FINAL_OBS, FINAL_INFO = "final_obs", "final_info"
+_LACKS: Any = object()
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,12 @@ class Ended:
 
         Args:
             name: in the info; names in nested infos are parted by dots.
-            missing: what stands where an info lacks it.
+            missing: what stands where an info lacks it; instead of NaN it is None beside text
+                and arrays.
+
+        Returns:
+            Numbers; arrays of one shape as one array [m, ...]; text, and arrays of several
+            shapes or of some episodes only, as objects.
         """
         return _values(self.infos, name, missing)
 
@@ -97,11 +104,50 @@ def of_lane(info: Info, lane: int) -> dict[str, Any]:
     return out
 
 
+def kept(info: Info) -> dict[str, Any]:
+    """A copy of an info that its environment cannot write into; what has no copy stays."""
+    return {name: _copied(value) for name, value in info.items()}
+
+
+def together(observations: Sequence[Any]) -> Any:
+    """Arrays or numbers of one shape as one array [m, ...], anything else as a list."""
+    if not all(isinstance(one, np.ndarray | int | float | np.number) for one in observations):
+        return list(observations)
+    alike = len({np.shape(one) for one in observations}) <= 1
+    return np.array(observations) if alike else list(observations)
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, str | int | float | np.generic | None):
+        return value
+    if isinstance(value, dict):
+        return kept(value)
+    try:
+        return deepcopy(value)
+    except Exception:  # infos hold anything: generators, locks, handles
+        return value
+
+
 def _values(infos: Sequence[Info], name: str, missing: Any) -> np.ndarray:
-    found = []
-    for info in infos:
-        value: Any = info
-        for part in name.split("."):
-            value = value.get(part, missing) if isinstance(value, Mapping) else missing
-        found.append(value)
-    return np.array(found)
+    found = [_found(info, name) for info in infos]
+    values = [missing if one is _LACKS else one for one in found]
+    if not any(isinstance(one, str) for one in values):
+        try:
+            return np.array(values)
+        except ValueError:
+            pass  # arrays of several shapes, or some where others have none
+    if isinstance(missing, float) and np.isnan(missing):
+        values = [None if one is _LACKS else one for one in found]
+    out = np.empty(len(values), object)
+    for place, value in enumerate(values):
+        out[place] = value
+    return out
+
+
+def _found(info: Info, name: str) -> Any:
+    """A value by its whole name, else by the names in nested infos."""
+    if name in info:
+        return info[name]
+    first, _, rest = name.partition(".")
+    inner = info.get(first)
+    return _found(inner, rest) if rest and isinstance(inner, Mapping) else _LACKS
