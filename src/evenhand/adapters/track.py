@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from evenhand.adapters.ended import FINAL_INFO, Info
+from evenhand.adapters.ended import Info, together
 from evenhand.adapters.people import BLOCK
 
 STEPS = BLOCK
@@ -24,7 +24,7 @@ SMALL = 1 << 13
 End = tuple[int, bytes, bytes, Any, Info]
 """A step in which episodes ended: its number since the last cut, the flags terminated and truncated
 of all lanes, the last observations of those that ended (None where ``Track.seen`` holds them), and
-its info. A bare tuple, since one is made every few steps."""
+the info of the ends. A bare tuple, since one is made every few steps."""
 
 
 class Cut(NamedTuple):
@@ -48,11 +48,11 @@ class Track:
     """What has happened in n lanes since the last cut, and what the episodes before had.
 
     Attributes:
-        rewards: of each step since the last cut, [STEPS, n], of the environment's own type.
+        rewards: of each step since the last cut, float64 [STEPS, n].
         step: how many there are.
         ends: steps in which episodes ended.
         seen: observations of all lanes in these, [STEPS, n, ...]; None where they are large.
-        later: infos of the steps after these, where lanes begin anew one step later.
+        later: infos of the beginnings after these, by the number of the step after the end.
     """
 
     def __init__(self, lanes: int, mode: AutoresetMode) -> None:
@@ -67,7 +67,6 @@ class Track:
         self.ends: list[End] = []
         self.later: dict[int, Info] = {}
         self.seen: np.ndarray | None = None
-        self._mode = mode
         self._gap = 1 if mode is AutoresetMode.NEXT_STEP else 0
         self._lanes = lanes
         self._total, self._steps = np.zeros(lanes), np.zeros(lanes, np.int64)
@@ -80,6 +79,10 @@ class Track:
         for end in self.ends:
             found += _over(end)
         return found
+
+    def begins(self) -> bool:
+        """Whether the next step only begins anew in some lane whose end was cut."""
+        return len(self._idle) > 0
 
     def just_ended(self) -> np.ndarray:
         """Lanes whose episodes ended in the last step and were not cut yet, bool [n]."""
@@ -125,7 +128,7 @@ class Track:
         rank, reward, steps = np.empty_like(lane), np.empty(len(lane)), np.empty_like(lane)
         rank[order] = places - np.maximum.accumulate(np.where(new, places, 0))
         # lane after lane in one row, and one number more for an end at the very last
-        flat = np.append(rewards.T.ravel().astype(np.float64), 0.0)
+        flat = np.append(rewards.T.ravel(), 0.0)
         earlier = np.where(new, self._total[by_lane], 0.0)
         reward[order] = earlier + _sums(flat, by_lane * size + start, by_lane * size + stop)
         steps[order] = stop - start + np.where(new, self._steps[by_lane], -self._gap)
@@ -158,23 +161,16 @@ class Track:
         """Infos that episodes ended and began with; those of the episodes that go on are kept."""
         raw = []
         for place, one in zip(row.tolist(), lane.tolist(), strict=True):
-            step, _, _, _, info = self.ends[place]
-            if self._mode is AutoresetMode.SAME_STEP:
-                last, first = info.get(FINAL_INFO, {}), info
-            else:
-                last, first = info, self.later.get(step + 1, {})
+            step, _, _, _, last = self.ends[place]
             raw.append((last, self._first[one], one))
-            self._first[one] = first
+            self._first[one] = self.later.get(step + 1, {})
         return raw
 
     def _observed(self, row: np.ndarray, lane: np.ndarray) -> Any:
         """The last observation of each episode; ends and lanes are in order."""
         if self.seen is not None:
             return self.seen[row, lane]
-        several = [one for end in self.ends for one in end[3]]
-        if all(isinstance(one, np.ndarray | np.number) for one in several):
-            return np.array(several)
-        return several
+        return together([one for end in self.ends for one in end[3]])
 
 
 def _over(end: End) -> np.ndarray:

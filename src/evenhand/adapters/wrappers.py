@@ -19,13 +19,14 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import iterate
 
-from evenhand.adapters.ended import FINAL_OBS, FactsOf, Info
+from evenhand.adapters.autoreset import mode_of, parted, statistics_of
+from evenhand.adapters.ended import FINAL_OBS, FactsOf, Info, kept, together
 from evenhand.adapters.judging import Judged, Judging
 from evenhand.adapters.people import Sampler
 from evenhand.adapters.shaping import JudgeSettings
 from evenhand.adapters.track import SMALL, STEPS, Track
 from evenhand.detector import Detector
-from evenhand.errors import InputError, unknown
+from evenhand.errors import InputError
 from evenhand.schemes import Scheme
 
 TOGETHER = 128
@@ -91,7 +92,7 @@ class JudgeServices(
     ) -> tuple[ObsType, dict[str, Any]]:
         """Begin an episode."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._total, self._steps, self._first = 0.0, 0, info
+        self._total, self._steps, self._first = 0.0, 0, kept(info)
         return observation, info
 
     def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -104,14 +105,16 @@ class JudgeServices(
         self._total += reward  # pyright: ignore[reportOperatorIssue] - rewards are numbers
         self._steps += 1
         if terminated or truncated:
+            # copies, for the environment may go on with the same array and dict
+            seen, last = deepcopy(observation), kept(info)
             self._waiting.append(
-                (self._total, self._steps, terminated, truncated, observation, info, self._first)
+                (_number(self._total), self._steps, terminated, truncated, seen, last, self._first)
             )
             self._total, self._steps = 0.0, 0
             if self._judging.ledger.guided:
                 paid = self._write()
                 if paid.any():
-                    reward = float(reward) + float(paid[0])
+                    reward = _number(reward) + float(paid[0])
             elif len(self._waiting) >= TOGETHER or not len(self._judging.ledger):
                 self._write()
         return observation, reward, terminated, truncated, info
@@ -131,7 +134,6 @@ class JudgeServices(
             *waiting, strict=True
         )
         number = len(waiting)
-        plain = all(isinstance(one, np.ndarray | int | float | np.number) for one in observations)
         return self._judging.write(
             np.zeros(number, np.int64),
             np.arange(number),
@@ -139,7 +141,7 @@ class JudgeServices(
             np.array(steps, np.int64),
             np.array(terminated, bool),
             np.array(truncated, bool),
-            np.array(observations) if plain else list(observations),
+            together(observations),
             [(info, first, -1) for info, first in zip(infos, firsts, strict=True)],
         )
 
@@ -168,7 +170,8 @@ class JudgeVectorServices(
             InputError: also when the metadata of the environment do not say its autoreset mode.
         """
         super().__init__(env)
-        self._mode = _mode(env)
+        self._mode = mode_of(env)
+        self._statistics = statistics_of(env)
         self._judging = Judging(env.num_envs, scheme, facts, sampler, rng, settings, detector)
         self._track = Track(env.num_envs, self._mode)
         self._same = self._mode is AutoresetMode.SAME_STEP
@@ -193,11 +196,11 @@ class JudgeVectorServices(
         over = self._mode is AutoresetMode.DISABLED and track.just_ended()[lanes].all()
         if over and track.step not in track.later:
             # the cut will find the lanes' next episodes here by itself
-            track.later[track.step] = infos
+            track.later[track.step] = kept(infos)
             return observations, infos
         self._write()
-        track.begin(lanes, infos)
-        self._after = False
+        track.begin(lanes, kept(infos))
+        self._after = track.begins()
         return observations, infos
 
     def step(
@@ -216,17 +219,21 @@ class JudgeVectorServices(
         track.rewards[step] = rewards
         track.step = step + 1
         if self._after:
-            track.later[step] = infos
+            track.later[step] = kept(infos)
             self._after = False
         # the quickest way to ask whether any is true
         ended, cut_off = terminated.tobytes(), truncated.tobytes()
         if 1 in ended or 1 in cut_off:
-            kept = None
+            seen = None
             if track.seen is not None:
                 track.seen[len(track.ends)] = observations
             else:
-                kept = self._kept(observations, terminated | truncated, infos)
-            track.ends.append((step, ended, cut_off, kept, infos))
+                seen = self._seen(observations, terminated | truncated, infos)
+            last = infos
+            if self._same:
+                last, begun = parted(infos, self._statistics)
+                track.later[step + 1] = kept(begun)
+            track.ends.append((step, ended, cut_off, seen, kept(last)))
             self._after = self._next
             if self._at_once:
                 rewards = self._shaped(rewards)
@@ -259,7 +266,7 @@ class JudgeVectorServices(
         shaped[lanes] += paid
         return shaped
 
-    def _kept(self, observations: Any, over: np.ndarray, infos: dict[str, Any]) -> list[Any]:
+    def _seen(self, observations: Any, over: np.ndarray, infos: dict[str, Any]) -> list[Any]:
         """Copies of the last observations of lanes whose episodes are over."""
         lanes = over.nonzero()[0].tolist()
         if self._same:
@@ -283,7 +290,6 @@ class JudgeVectorServices(
                 f"the environment's rewards are no NumPy array of {self.num_envs} numbers: give "
                 "one a lane"
             )
-        self._track.rewards = np.empty((STEPS, self.num_envs), rewards.dtype)
         if not self._same and _plain(observations) and observations.nbytes <= SMALL:
             self._track.seen = np.empty((STEPS, *observations.shape), observations.dtype)
         self._checked = True
@@ -293,14 +299,11 @@ def _plain(observations: Any) -> bool:
     return isinstance(observations, np.ndarray) and observations.dtype != object
 
 
-def _mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    said = env.metadata.get("autoreset_mode")
-    if said is None:
+def _number(reward: Any) -> float:
+    """A reward as a number, also where the environment gives an array of one."""
+    found = np.asarray(reward, float)
+    if found.size != 1:
         raise InputError(
-            f"{env} does not say how it resets: set metadata['autoreset_mode'] to its "
-            "gymnasium.vector.AutoresetMode"
+            f"the environment's reward is an array of shape {found.shape}: give one number a step"
         )
-    try:
-        return AutoresetMode(said)
-    except ValueError:
-        raise unknown("autoreset mode", str(said), [m.value for m in AutoresetMode]) from None
+    return found.item()
