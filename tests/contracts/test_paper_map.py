@@ -16,6 +16,7 @@ from evenhand.report import figures_biased
 from evenhand.report.figures import PLATES
 from evenhand.restaurant import layout
 from evenhand.restaurant.world import World
+from support import claimed
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "PAPER.md").read_text()
@@ -125,6 +126,15 @@ def test_every_figure_of_the_report_is_on_the_page(plate):
     named = [cells for cells in rows() if f"`{plate.name}`" in cells[1]]
     assert len(named) == 1
     assert named[0][0].startswith(f"{plate.paper}:" if plate.paper else "not in the paper")
+
+
+def test_every_claim_is_on_the_page():
+    demos, study = claimed.made_demos(), claimed.made_study()
+    given = [[*a, *b] for a, b in zip(*(claimed.learned(one) for one in PRESETS), strict=True)]
+    ids = {one["id"] for one in claims.all_claims(demos, study, *given)}
+    section = PAGE.partition("## The claims")[2].partition("## The figures")[0]
+    named = set(re.findall(r"`([a-z_0-9]+)`", section)) - set(PRESETS) - {"_service"}
+    assert {one.removesuffix("_service") for one in ids} == named
 
 
 def test_the_numbers_to_compare_with_are_those_printed():

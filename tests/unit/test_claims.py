@@ -1,191 +1,16 @@
-"""Verdicts by hand, and the claims on made-up results whose outcome is known."""
+"""The claims on made-up results whose outcome is known."""
 
 import json
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
 import pytest
 
 from evenhand import robots
-from evenhand.detector_report import wilson
-from evenhand.experiments import claims, verdicts
-from evenhand.experiments.demos import Demos, Study
-from evenhand.interactions import Interactions
-from evenhand.people import IDENTITIES
-from evenhand.study.respondents import NAMEABLE, Questionnaire
+from evenhand.experiments import claims
+from support.claimed import learned, made_demos, made_study
 
-NAN = float("nan")
-YES, NO, UNTESTED = "reproduced", "contradicted", "cannot be tested"
-
-
-class TestReduction:
-    def test_by_hand(self):
-        # differences 1 and 3: mean 2 of 3; s = √2; t(0.975, 1) = 12.7062; 12.7062·√2/√2/3
-        found = verdicts.reduction(np.array([2.0, 4.0]), np.array([1.0, 1.0]))
-        assert found == pytest.approx((2 / 3, 2 / 3 - 4.23540, 2 / 3 + 4.23540), abs=1e-4)
-
-    def test_three_seeds_by_hand(self):
-        # differences 1, 2, 3 of a mean of 10: 0.2 ± 4.302653·1/√3/10
-        found = verdicts.reduction(np.array([9.0, 10.0, 11.0]), np.array([8.0, 8.0, 8.0]))
-        assert found == pytest.approx((0.2, 0.2 - 0.2484138, 0.2 + 0.2484138), abs=1e-6)
-
-    def test_a_rise_is_negative(self):
-        estimate, *_ = verdicts.reduction(np.array([1.0]), np.array([1.5]))
-        assert estimate == -0.5
-
-    def test_one_seed_has_no_interval(self):
-        assert verdicts.reduction(np.array([2.0]), np.array([1.0])) == pytest.approx(
-            (0.5, NAN, NAN), nan_ok=True
-        )
-
-    def test_nothing_can_be_less_than_nothing(self):
-        found = verdicts.reduction(np.zeros(3), np.array([0.0, 1.0, 0.0]))
-        assert np.isnan(found).all()
-
-
-class TestVerdicts:
-    @pytest.mark.parametrize(
-        ("low", "high", "verdict"),
-        [
-            (0.22, 0.5, YES),
-            (0.3, 0.5, YES),
-            (0.1, 0.22, UNTESTED),
-            (-0.1, 0.3, UNTESTED),
-            (-0.1, 0.21, NO),
-            (NAN, 0.3, UNTESTED),
-            (0.3, NAN, UNTESTED),
-        ],
-    )
-    def test_at_least(self, low, high, verdict):
-        assert verdicts.at_least(low, high, 0.22) == verdict
-
-    @pytest.mark.parametrize(
-        ("low", "high", "verdict"),
-        [(0.2, 0.5, YES), (0.357, 0.5, YES), (0.1, 0.357, YES), (0.1, 0.3, NO), (0.4, 0.5, NO)],
-    )
-    def test_contains(self, low, high, verdict):
-        assert verdicts.contains(low, high, 0.357) == verdict
-
-    @pytest.mark.parametrize(
-        ("low", "high", "verdict"),
-        [(0.1, 0.2, YES), (0.0, 0.2, UNTESTED), (-0.1, 0.1, UNTESTED), (-0.2, -0.1, NO),
-         (-0.1, 0.0, UNTESTED), (NAN, NAN, UNTESTED)],
-    )  # fmt: skip
-    def test_above_zero(self, low, high, verdict):
-        assert verdicts.above_zero(low, high) == verdict
-
-    def test_t_interval_by_hand(self):
-        low, high = verdicts.t_interval(np.array([1.0, 2.0, 3.0]))
-        assert (low, high) == pytest.approx((2 - 2.484138, 2 + 2.484138), abs=1e-6)
-        assert np.isnan(verdicts.t_interval(np.array([1.0]))).all()
-
-    @pytest.mark.parametrize(
-        ("numbers", "said"),
-        [
-            ((0.3, 0.25, 0.35, 0.22), ""),
-            ((0.1, 0.05, 0.15, 0.22), ""),
-            ((0.2, 0.1, 0.3, 0.22), "The interval holds 0.22: these seeds cannot tell."),
-            ((0.2, 0.1, 0.3, 15 / 54), "The interval holds 0.278: these seeds cannot tell."),
-            ((0.2, NAN, NAN, 0.22), "One seed gives no interval: run more seeds."),
-            ((NAN, NAN, NAN, 0.22), "Without guidance there was nothing to lower."),
-        ],
-    )
-    def test_why_it_cannot_be_told(self, numbers, said):
-        assert verdicts.undecided(*numbers) == said
-
-
-SEEDS, EPOCHS = (0, 1, 2), 60
-
-
-def learned(preset: str, **changed: Any) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of epochs and of the test in which guidance does exactly what the paper says."""
-    is_ = {"total": 0.7, "biased": 39, "early": 0.2, "late": 0.6, "swing": 0.1, **changed}
-    epochs, test = [], []
-    for arm in ("reinforce", "reinforce+guidance", "ppo", "ppo+guidance"):
-        guided = arm.endswith("guidance")
-        for seed in SEEDS:
-            biased = is_["biased"] if guided else 54
-            test.append(
-                {
-                    "preset": preset,
-                    "arm": arm,
-                    "seed": seed,
-                    "total": (is_["total"] if guided else 1.0) * (1 + 0.1 * seed),
-                    "floor": 0.4,
-                    "perfect_rate": 0.5,
-                }
-            )
-            for epoch in range(EPOCHS):
-                quality = is_["early"] if epoch < 10 else is_["late"]
-                epochs.append(
-                    {
-                        "preset": preset,
-                        "arm": arm,
-                        "seed": seed,
-                        "epoch": epoch,
-                        "biased_detector": epoch < biased,
-                        # up and down by so much in the second half, wildly before
-                        "total": (is_["swing"] if guided else 0.2)
-                        * (1 + 0.1 * seed)
-                        * (-1) ** epoch
-                        * (9.0 if epoch < EPOCHS // 2 else 1.0),
-                        # 10 epochs in between, which count for neither end
-                        "perfect_rate": 9.0 if 10 <= epoch < 20 else quality + 0.01 * seed,
-                    }
-                )
-    return epochs, test[::-1]  # in whatever order
-
-
-def made_demos(ignored: int = 6) -> Demos:
-    """Two windows of each biased robot at full strength, and one of the even robot.
-
-    The ableist robot serves disabled people from 2 m. The ageist robot serves children late. The
-    racist robot ignores the first ``ignored`` Black people of each window.
-    """
-    robot, strength = [0, 1, 1, 2, 2, 3, 3], [0.0, 1, 1, 1, 1, 1, 1]
-    person = np.tile(np.arange(30), 7)
-    kind = np.repeat(robot, 30)
-    codes = {
-        "race": person // 5,
-        "gender": person % 3,
-        "age": person // 6,
-        "disability": person % 2,
-    }
-    codes["skin"] = person // 5
-    responded = ~((kind == 1) & (codes["race"] == 1) & (person % 5 < ignored))
-    responded &= ~((kind == 1) & (codes["race"] == 2) & (person % 5 < ignored - 5))
-    step = np.where((kind == 2) & (codes["age"] == 0), 250, 100)
-    distance = np.where((kind == 3) & (codes["disability"] == 0), 2.0, 1.25)
-    table = Interactions.build(
-        {one.name: (codes[one.name], one.categories) for one in IDENTITIES},
-        {
-            "responded": responded,
-            "response_step": np.ma.array(step, mask=~responded),
-            "response_distance": np.ma.array(distance, mask=~responded),
-            "min_distance": np.where(responded, distance, 0.42),
-        },
-    )
-    return Demos(table, np.array(robot), np.array(strength, float))
-
-
-def made_study(agree: int = 980, race: int = 9, disability: int = 5) -> Study:
-    """A study whose detector agrees in ``agree`` of 1,000 judgements; 24 respondents."""
-    named = ["race"] * race + ["gender"] * (24 - race)
-    named += ["age"] * 48
-    named += ["disability"] * disability + [NAMEABLE[0]] * (24 - disability)
-    answers = Questionnaire(
-        np.repeat([1, 2, 3, 4], 24), np.tile(np.arange(24), 4), tuple(named), ("risk",) * 96
-    )
-    evaluation = SimpleNamespace(
-        n=1000,
-        folds=5,
-        agreement=wilson(agree, 1000),
-        accuracy=wilson(900, 1000),
-        manual_accuracy=wilson(890, 1000),
-        baseline=0.6,
-    )
-    return cast(Study, SimpleNamespace(questionnaire=answers, evaluation=evaluation))
+YES, NO = "reproduced", "contradicted"
+UNTOLD, UNTESTED = "cannot be told", "cannot be tested"
 
 
 def judged(**changed: Any) -> dict[str, dict[str, Any]]:
@@ -210,18 +35,26 @@ class TestLearning:
             "Total 1.100 without and 0.770 with" in found["total_score_reduction_ppo"]["evidence"]
         )
 
-    def test_the_papers_own_epochs_are_reproduced(self):
-        one = judged()["biased_epochs_reduction_ppo"]
+    @pytest.mark.parametrize(
+        ("biased", "status"),
+        # 53, 54 and 55 without guidance: the half width is 4.303 * 1 / sqrt(3) = 2.484 epochs,
+        # and the interval of 54 - 39 holds the paper's 15
+        [(39, UNTOLD), (36, YES), (37, UNTOLD), (41, UNTOLD), (42, NO)],
+    )
+    def test_the_papers_epochs_are_compared_with(self, biased, status):
+        one = judged(learned=learned("paper", biased=biased))["biased_epochs_reduction_ppo"]
         assert one["paper"] == 0.278
-        assert one["ours"] == pytest.approx(15 / 54)
-        assert one["status"] == YES
-        assert "54.0 biased epochs without and 39.0 with guidance, of 60" in one["evidence"]
+        assert one["ours"] == pytest.approx((54 - biased) / 54)
+        assert one["status"] == status
+        said = f"54.0 biased epochs without and {biased}.0 with guidance, of 60 each"
+        assert said in one["evidence"]
 
-    def test_one_epoch_more_is_not(self):
-        assert (
-            judged(learned=learned("paper", biased=40))["biased_epochs_reduction_ppo"]["status"]
-            == NO
-        )
+    @pytest.mark.parametrize("biased", [39, 54])
+    def test_seeds_that_are_all_alike_cannot_tell(self, biased):
+        rows = learned("paper", biased=biased, apart=0)
+        one = judged(learned=rows)["biased_epochs_reduction_ppo"]
+        assert one["status"] == UNTOLD
+        assert one["evidence"].endswith("gives no interval: run more seeds.")
 
     def test_less_than_the_paper_says(self):
         found = judged(learned=learned("paper", total=0.9))
@@ -230,18 +63,36 @@ class TestLearning:
     def test_too_little_to_tell(self):
         found = judged(learned=learned("paper", total=0.78))
         one = found["total_score_reduction_ppo"]
-        assert one["status"] == UNTESTED
+        assert one["status"] == UNTOLD
         assert one["evidence"].endswith("The interval holds 0.22: these seeds cannot tell.")
 
     def test_quality_compares_the_first_10_epochs_with_the_last_40(self):
         one = judged()["quality_improved"]
-        assert one["ours"] == pytest.approx(0.4)
+        # 0.2, 0.22, 0.24 at first; 0.6, 0.66, 0.72 at last
+        assert one["ours"] == pytest.approx(0.44)
         assert one["status"] == YES
-        assert "21.0 % in the first 10 epochs, 61.0 % in the last 40" in one["evidence"]
+        assert "22.0 % in the first 10 epochs, 66.0 % in the last 40" in one["evidence"]
+
+    def test_of_few_epochs_none_is_at_both_ends(self):
+        rows = [row for row in learned("paper")[0] if row["epoch"] < 40]
+        one = judged(learned=(rows, learned("paper")[1]))["quality_improved"]
+        assert "in the first 10 epochs" in one["evidence"]
+        assert "in the last 30" in one["evidence"]
+        # 10 epochs of 9.0 and 20 of 0.66, of 30: 3.44; less 0.22
+        assert one["ours"] == pytest.approx(3.22)
+        rows = [row for row in rows if row["epoch"] < 5]
+        few = judged(learned=(rows, learned("paper")[1]))["quality_improved"]
+        assert "first 2 epochs, 22.0 % in the last 3" in few["evidence"]
+        assert few["status"] == UNTOLD
+
+    def test_one_epoch_has_no_end(self):
+        rows = [row for row in learned("paper")[0] if row["epoch"] < 1]
+        one = judged(learned=(rows, learned("paper")[1]))["quality_improved"]
+        assert (one["ours"], one["status"]) == (None, UNTESTED)
 
     def test_quality_that_falls_is_said_plainly(self):
         one = judged(learned=learned("paper", late=0.1))["quality_improved"]
-        assert one["ours"] == pytest.approx(-0.1)
+        assert one["ours"] == pytest.approx(-0.11)
         assert one["status"] == NO
         assert "it levels down" in one["evidence"]
 
@@ -262,7 +113,7 @@ class TestLearning:
             "biased_epochs_reduction_ppo",
             "quality_improved",
         ):
-            assert found[name]["status"] == UNTESTED, name
+            assert found[name]["status"] == UNTOLD, name
             assert found[name]["ci95"] is None
             assert found[name]["seeds"] == 1
         assert "One seed gives no interval" in found["biased_epochs_reduction_ppo"]["evidence"]
@@ -318,7 +169,7 @@ class TestRobots:
             assert found[name]["status"] == YES, name
 
     def test_nobody_is_ignored_most(self):
-        assert judged(demos=made_demos(ignored=0))["most_ignored_is_racism"]["status"] == UNTESTED
+        assert judged(demos=made_demos(ignored=0))["most_ignored_is_racism"]["status"] == UNTOLD
 
 
 class TestStudy:

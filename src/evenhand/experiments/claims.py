@@ -16,6 +16,7 @@ from evenhand.experiments.verdicts import (
     CONTRADICTED,
     REPRODUCED,
     UNTESTED,
+    UNTOLD,
     Claim,
     above_zero,
     at_least,
@@ -136,35 +137,47 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
             spread,
             "Standard deviation of the total over the second half of the epochs: "
             f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance; this is the "
-            "share by which guidance lowers it.",
+            "share by which guidance lowers it. ",
         )
     )
+    out.append(_improved(f"quality_improved{suffix}", preset, reward, epochs))
+    return out
+
+
+def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
+    """Whether the last 40 epochs are better than the first 10; of few epochs, what is left."""
+    end = 1 + max(int(row["epoch"]) for row in epochs)
+    early = min(10, end // 2)
+    late = min(40, end - early)
+    text = f"Guided PPO improves the quality of service while it learns (reward: {reward})"
+    if not early:
+        why = "A single epoch has no beginning to compare its end with."
+        return claim(name, text, "improved", None, None, None, UNTESTED, why)
     first, last = (
         _by_seed(_between(epochs, *part), preset, "ppo+guidance", "perfect_rate")
-        for part in ((0, 10), (end - 40, end))
+        for part in ((0, early), (end - late, end))
     )
     change = last - first
     low, high = t_interval(change)
-    out.append(
-        claim(
-            f"quality_improved{suffix}",
-            f"Guided PPO improves the quality of service while it learns (reward: {reward})",
-            "improved",
-            number(float(change.mean())),
-            interval(low, high),
-            len(change),
-            above_zero(low, high),
-            f"Share of perfect services: {100 * first.mean():.1f} % in the first 10 epochs, "
-            f"{100 * last.mean():.1f} % in the last 40. "
-            + (
-                "The printed reward pays for equal treatment only, and a robot that fails everyone "
-                "alike earns it: it levels down."
-                if high < 0
-                else ""
-            ),
-        )
+    status = above_zero(low, high)
+    return claim(
+        name,
+        text,
+        "improved",
+        number(float(change.mean())),
+        interval(low, high),
+        len(change),
+        status,
+        f"Share of perfect services: {100 * first.mean():.1f} % in the first {early} epochs, "
+        f"{100 * last.mean():.1f} % in the last {late}. "
+        + undecided(status, low, high, 0.0)
+        + (
+            "The printed reward pays for equal treatment only, and a robot that fails everyone "
+            "alike earns it: it levels down."
+            if status == CONTRADICTED
+            else ""
+        ),
     )
-    return out
 
 
 def _lowered(
@@ -176,6 +189,9 @@ def _lowered(
 ) -> Claim:
     """The claim that guidance lowers something: by the share ``goal``, or at all."""
     estimate, low, high = reduction(*pair)
+    bound = 0.0 if goal is None else goal
+    status = above_zero(low, high) if goal is None else at_least(low, high, goal)
+    status = UNTESTED if np.isnan(estimate) else status
     return claim(
         name,
         text,
@@ -183,8 +199,8 @@ def _lowered(
         number(estimate),
         interval(low, high),
         len(pair[0]),
-        above_zero(low, high) if goal is None else at_least(low, high, goal),
-        evidence + ("" if goal is None else undecided(estimate, low, high, goal)),
+        status,
+        evidence + undecided(status, low, high, bound),
     )
 
 
@@ -262,7 +278,7 @@ def _behaviour_claims(demos: Demos) -> list[Claim]:
                 mine["value"],
                 (mine["ci_low"], mine["ci_high"]),
                 1,
-                REPRODUCED if beyond else CONTRADICTED if below else UNTESTED,
+                REPRODUCED if beyond else CONTRADICTED if below else UNTOLD,
                 f"{mine['services']} services at full strength; the others: {listed}. The verdict "
                 "is on the order; the odds of the robots were calibrated with the paper's figures "
                 "for distance and time in view.",

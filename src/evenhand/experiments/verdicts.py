@@ -8,7 +8,13 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-REPRODUCED, CONTRADICTED, UNTESTED = "reproduced", "contradicted", "cannot be tested"
+REPRODUCED, CONTRADICTED = "reproduced", "contradicted"
+UNTOLD = "cannot be told"
+"""It was tested, and the interval holds the number, or there is no interval."""
+UNTESTED = "cannot be tested"
+"""There is nothing to test: nothing printed, or nothing that could become less."""
+SAME = 1e-12
+"""Seeds that differ by less are alike."""
 Claim = dict[str, Any]
 
 
@@ -62,11 +68,11 @@ def reduction(without: np.ndarray, with_guidance: np.ndarray) -> tuple[float, fl
 
 def at_least(low: float, high: float, bound: float) -> str:
     """Verdict on "at least ``bound``": the interval lies above, below, or around it."""
-    if np.isnan(low) or np.isnan(high):
-        return UNTESTED
+    if no_interval(low, high):
+        return UNTOLD
     if low >= bound:
         return REPRODUCED
-    return CONTRADICTED if high < bound else UNTESTED
+    return CONTRADICTED if high < bound else UNTOLD
 
 
 def contains(low: float, high: float, number: float) -> str:
@@ -76,20 +82,29 @@ def contains(low: float, high: float, number: float) -> str:
 
 def above_zero(low: float, high: float) -> str:
     """Verdict on "greater than 0": the interval lies above, below, or around it."""
+    if no_interval(low, high):
+        return UNTOLD
     if low > 0:
         return REPRODUCED
-    return CONTRADICTED if high < 0 else UNTESTED
+    return CONTRADICTED if high < 0 else UNTOLD
 
 
-def undecided(estimate: float, low: float, high: float, bound: float) -> str:
-    """Why ``at_least`` could not tell; nothing where it could."""
-    if np.isnan(estimate):
+def no_interval(low: float, high: float) -> bool:
+    """Whether seeds say nothing of how they vary: an end is NaN, or all of them are alike."""
+    return bool(np.isnan(low) or np.isnan(high) or high - low < SAME)
+
+
+def undecided(status: str, low: float, high: float, bound: float) -> str:
+    """Why a verdict is "cannot be told" or "cannot be tested"; nothing for another one."""
+    if status == UNTESTED:
         return "Without guidance there was nothing to lower."
+    if status != UNTOLD:
+        return ""
     if np.isnan(low):
         return "One seed gives no interval: run more seeds."
-    if low < bound <= high:
-        return f"The interval holds {bound:.3g}: these seeds cannot tell."
-    return ""
+    if no_interval(low, high):
+        return "The difference is the same in every seed, which gives no interval: run more seeds."
+    return f"The interval holds {bound:.3g}: these seeds cannot tell."
 
 
 def t_interval(values: np.ndarray) -> tuple[float, float]:

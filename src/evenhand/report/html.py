@@ -24,7 +24,7 @@ from evenhand.report.tables import NOT_DEFINED, Table, say
 
 LISTED = 60  # rows of a data table in the page; the CSV file holds all
 NOT_PRINTED = "not printed"
-_ICONS = {"reproduced": "✓", "contradicted": "✗", "cannot be tested": "?"}
+_ICONS = {"reproduced": "✓", "contradicted": "✗", "cannot be told": "?", "cannot be tested": "–"}
 
 SECTIONS = {
     "learning": (

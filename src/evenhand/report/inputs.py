@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from evenhand.errors import InputError
 from evenhand.report.tables import ISSUES, Table
 
-STATUSES = ("reproduced", "contradicted", "cannot be tested")
+STATUSES = ("reproduced", "contradicted", "cannot be told", "cannot be tested")
 
 
 def _schema(text: str) -> dict[str, str]:

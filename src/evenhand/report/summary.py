@@ -144,14 +144,28 @@ def status_counts(results: Results) -> list[tuple[str, int]]:
 
 
 def _claims(results: Results) -> tuple[str, str]:
+    """What the rows are, and how many came out how."""
+    ids = {claim["id"] for claim in results.claims}
+    unprinted = sum(claim["paper"] is None for claim in results.claims)
+    again = sum(
+        claim["id"].removesuffix(f"_{preset}") in ids - {claim["id"]}
+        for claim in results.claims
+        for preset in results["test"].distinct("preset")
+    )
+    claims = len(ids) - unprinted - again
+    parts = [f"{claims} {'claim' if claims == 1 else 'claims'} of the paper"]
+    if again:
+        parts.append(f"{again} of them again, learned from another reward")
+    if unprinted:
+        parts.append(f"{unprinted} shown beside them, of which the paper prints no number")
     counts = dict(status_counts(results))
-    n = len(results.claims)
+    outcomes = [f"{counts[s]} {_was(counts[s])} {s}" for s in STATUSES[:2]]
+    outcomes += [f"{counts[s]} {s}" for s in STATUSES[2:]]
     return (
         "Claims.",
-        f"Of {n} {'claim' if n == 1 else 'claims'} of the paper, {counts['reproduced']} "
-        f"{_was(counts['reproduced'])} reproduced, {counts['contradicted']} "
-        f"{_was(counts['contradicted'])} contradicted, and {counts['cannot be tested']} cannot be "
-        "tested with this run. All people, services and respondents are simulated.",
+        f"The table has {len(ids)} {'row' if len(ids) == 1 else 'rows'}: {_list(parts)}. "
+        f"{', '.join(outcomes[:-1])}, and {outcomes[-1]} with this run. All people, services and "
+        "respondents are simulated.",
     )
 
 

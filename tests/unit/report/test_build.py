@@ -114,6 +114,15 @@ def test_claims_come_first_with_status_in_words(page: Page) -> None:
     assert "[0.49, 0.25, 0.38, 0.43]" in text
 
 
+def test_it_is_said_what_the_rows_of_claims_are(page: Page) -> None:
+    text = " ".join(" ".join(page.text).split())
+    assert (
+        "The table has 7 rows: 5 claims of the paper, 1 of them again, learned from another reward "
+        "and 1 shown beside them, of which the paper prints no number. 3 were reproduced, 1 was "
+        "contradicted, 2 cannot be told, and 1 cannot be tested with this run."
+    ) in text
+
+
 def test_levelling_down_is_said_plainly(page: Page) -> None:
     text = " ".join(" ".join(page.text).split())
     paper = text[text.index("Preset paper: the printed reward alone.") :]
