@@ -12,20 +12,23 @@ from evenhand.commands import inputs
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure speed, side by side in one run.
-
-    Of the environment: ratios are against a bare mj_step loop over the same model and the same
-    drives, and against Gymnasium's SyncVectorEnv over the single environment. Of an audit: ten
-    million and one million services from Parquet, and Fairlearn's MetricFrame on the million.
-    """
+    """Measure speed, side by side in one run."""
 
     json: bool = False
     """Print JSON instead of tables."""
 
     what: Literal["env", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = "all"
-    """The environment and an epoch, an audit, clips, wrapping an environment, a study of 10,000
-    participants; or all of these. Measured by their names alone: a sweep of 16 runs, which takes
-    some ten minutes, and training beside Stable-Baselines3 (extra sb3)."""
+    """What is measured.
+    env: physics steps against a bare mj_step loop over the same model and the same drives, and
+    against Gymnasium's SyncVectorEnv over the single environment; an epoch of training.
+    audit: ten million and one million services from Parquet, and Fairlearn's MetricFrame on the
+    million.
+    film: clips, and what recording them costs.
+    adapters: what wrapping an environment costs.
+    study: the analysis of a study of 10,000 participants.
+    sweep: what a sweep of 16 runs costs beside its runs; some ten minutes.
+    sb3: training beside Stable-Baselines3 (extra sb3).
+    all: the first five; sweep and sb3 are measured by their names alone."""
 
     seconds: float = 15.0
     """For each of the four things that are measured of the environment, in turns of a quarter of a
