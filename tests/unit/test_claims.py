@@ -85,6 +85,15 @@ class TestLearning:
         assert "first 2 epochs, 22.0 % in the last 3" in few["evidence"]
         assert few["status"] == UNTOLD
 
+    def test_a_share_changes_by_all_of_it_at_most(self):
+        # two seeds that improve by 0.44 and 0.88: 0.66 ± 12.706 * 0.22
+        rows = learned("paper")[0]
+        for row in rows:
+            row["perfect_rate"] *= 1 + (row["seed"] == 1)
+        rows = [row for row in rows if row["seed"] < 2]
+        one = judged(learned=(rows, learned("paper")[1]))["quality_improved"]
+        assert one["ci95"] == [-1.0, 1.0]
+
     def test_one_epoch_has_no_end(self):
         rows = [row for row in learned("paper")[0] if row["epoch"] < 1]
         one = judged(learned=(rows, learned("paper")[1]))["quality_improved"]

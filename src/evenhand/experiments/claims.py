@@ -158,14 +158,14 @@ def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
         for part in ((0, early), (end - late, end))
     )
     change = last - first
-    low, high = t_interval(change)
+    low, high = np.clip(t_interval(change), -1.0, 1.0)  # a change of shares
     status = above_zero(low, high)
     return claim(
         name,
         text,
         "improved",
         number(float(change.mean())),
-        interval(low, high),
+        interval(float(low), float(high)),
         len(change),
         status,
         f"Share of perfect services: {100 * first.mean():.1f} % in the first {early} epochs, "

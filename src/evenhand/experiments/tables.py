@@ -61,12 +61,15 @@ def _cell(value: Any) -> Any:
     return repr(float(value)) if isinstance(value, (float, np.floating)) else value
 
 
-def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean and 95 % interval (normal, for many windows) of what is known in ``values``."""
+def mean_interval(values: np.ndarray, most: float = np.inf) -> tuple[float, float, float]:
+    """Mean and 95 % interval (normal, for many windows) of what is known in ``values``.
+
+    Values lie between 0 and ``most``, and so does the interval: it is cut there.
+    """
     seen = values[~np.isnan(values)]
     middle = float(seen.mean())
     half = 1.96 * float(seen.std(ddof=1)) / np.sqrt(len(seen))
-    return middle, middle - half, middle + half
+    return middle, max(middle - half, 0.0), min(middle + half, most)
 
 
 def questionnaire(study: Study) -> tuple[list[Row], list[Row]]:
@@ -134,7 +137,7 @@ def signatures(demos: Demos) -> list[Row]:
         identity = BIASES[kind].identity
         score = demonstrations.signature(demos, kind)
         for k, name in enumerate(ISSUES):
-            middle, low, high = mean_interval(score[:, k])
+            middle, low, high = mean_interval(score[:, k], most=1.0)
             rows.append(
                 {
                     "discrimination": people.DISCRIMINATION[identity],

@@ -38,8 +38,8 @@ def biased_data(results: Results) -> Table:
                     flags = part.where(seed=seed)[f"biased_{judge}"]
                     judged[seed] = int((~np.isnan(flags)).sum())
                     counts[seed] = float(np.nansum(flags)) if judged[seed] else math.nan
-                mean = mean_interval(counts.values())
                 length = max(judged.values())
+                mean = mean_interval(counts.values(), within=(0.0, length))
                 printed = PAPER_BIASED.get(arm) if judge == "detector" else None
                 paper = printed * length / PAPER_EPOCHS if printed and length else None
                 rows.append(
@@ -64,11 +64,14 @@ def biased_data(results: Results) -> Table:
 
 
 def biased_draw(data: Table, wide: bool) -> Figure:
-    """One panel a preset, one line an arm; detector above, threshold below."""
-    presets, arms = data.distinct("preset"), arms_in(data)
+    """One panel a preset, one line an arm that ran there; detector above, threshold below."""
+    presets = data.distinct("preset")
+    arms = {preset: arms_in(data.where(preset=preset)) for preset in presets}
+    lines = [len(names) for names in arms.values()]
     shape = (1, len(presets)) if wide else (len(presets), 1)
-    height = 2.4 if wide else 1.95 * len(presets) + 0.5
-    figure, axes = style.panels(wide, *shape, height, sharey=True, sharex=True)
+    height = 0.42 * (max(lines) if wide else sum(lines) + len(presets)) + 0.9
+    ratios = None if wide else lines
+    figure, axes = style.panels(wide, *shape, height, sharex=True, height_ratios=ratios)
     judges = {
         "detector": style.Look("by the detector", style.BLUE, "o"),
         "threshold": style.Look("by the threshold 0.5", style.ORANGE, "s", filled=False),
@@ -76,24 +79,25 @@ def biased_draw(data: Table, wide: bool) -> Figure:
     for ax, preset in zip(axes, presets, strict=True):
         for row in data.where(preset=preset).rows():
             look = judges[row["judge"]]
-            y = arms.index(row["arm"]) + (-0.15 if row["judge"] == "detector" else 0.2)
+            y = arms[preset].index(row["arm"]) + (-0.15 if row["judge"] == "detector" else 0.2)
             if row["seed"] != "mean":
                 ax.plot(
                     row["biased_epochs"], y + 0.13, ".", color=look.colour, markersize=3, alpha=0.6
                 )
                 continue
-            ax.plot([max(0, row["ci_low"]), row["ci_high"]], [y, y], color=look.colour)
+            ax.plot([row["ci_low"], row["ci_high"]], [y, y], color=look.colour)
             ax.plot(row["biased_epochs"], y, **look.marks(), zorder=4, clip_on=False)
             ax.plot(row["paper"], y - 0.2, **style.PAPER, zorder=3, clip_on=False)
         ax.set_title(style.preset_short(preset) if wide else f"Preset {preset}")
         ax.set_xlabel("biased epochs")
-        labels = [style.arm_label(arm).replace(" + ", "\n+ ") for arm in arms]
-        ax.set_yticks(range(len(arms)), labels)
+        labels = [style.arm_label(arm).replace(" + ", "\n+ ") for arm in arms[preset]]
+        ax.set_yticks(range(len(labels)), labels)
+        ax.set_ylim(len(labels) - 0.5, -0.6)
         style.bare(ax, "x")
-        ax.label_outer()
-    axes[0].set_ylim(len(arms) - 0.5, -0.6)
+        if not wide:
+            ax.label_outer()
     high = np.nanmax(np.r_[data["biased_epochs"], data["ci_high"], data["paper"], 1.0])
-    axes[0].set_xlim(0, 1.05 * high)
+    axes[0].set_xlim(0, max(1.0, min(1.05 * high, data["judged_epochs"].max())))
     marks = [Line2D([], [], label=look.label, **look.marks()) for look in judges.values()]
     marks.append(Line2D([], [], label="printed in the paper", **style.PAPER))
     style.legend(figure, marks, wide)
@@ -108,9 +112,9 @@ def biased_caption(results: Results, data: Table) -> str:
     scaled = "" if length == PAPER_EPOCHS else f", scaled from {PAPER_EPOCHS} to {length} epochs"
     return (
         f"Epochs judged as biased, of {length}, during learning; "
-        f"{seeds_text(results['epochs']['seed'].tolist())}, 95 % t intervals over seeds, small "
-        "dots are single seeds. Diamonds: the paper’s 54 (PPO) and 39 (PPO + guidance) by its "
-        f"detector{scaled}."
+        f"{seeds_text(results['epochs']['seed'].tolist())}, 95 % t intervals over seeds, cut at 0 "
+        f"and {length}, small dots are single seeds. Diamonds: the paper’s 54 (PPO) and 39 (PPO + "
+        f"guidance) by its detector{scaled}."
     )
 
 

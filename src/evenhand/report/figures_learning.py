@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -77,7 +78,9 @@ def quality_data(results: Results) -> Table:
     return curve_data(results, "perfect_rate")
 
 
-def _curves(data: Table, wide: bool, scale: float, unit: str) -> tuple[Figure, list[Axes]]:
+def _curves(
+    data: Table, wide: bool, scale: float, unit: str, *more: Line2D
+) -> tuple[Figure, list[Axes]]:
     presets, arms = data.distinct("preset"), arms_in(data)
     shape = (1, len(presets)) if wide else (len(presets), 1)
     height = 2.9 if wide else 2.2 * len(presets) + 0.5
@@ -115,25 +118,17 @@ def _curves(data: Table, wide: bool, scale: float, unit: str) -> tuple[Figure, l
         Line2D([], [], linestyle=look.line, label=look.label, **look.marks())
         for look in looks.values()
     ]
-    style.legend(figure, marks, wide)
+    style.legend(figure, [*marks, *more], wide)
     return figure, axes
 
 
 def score_draw(data: Table, wide: bool) -> Figure:
     """Total issue score per epoch, one panel a preset, with the manual threshold."""
-    figure, axes = _curves(data, wide, 1.0, "total issue score")
+    dotted: dict[str, Any] = {"color": style.INK, "linewidth": 0.9, "linestyle": (0, (1, 1.5))}
+    mark = Line2D([], [], label="manual threshold", **dotted)
+    figure, axes = _curves(data, wide, 1.0, "total issue score", mark)
     for ax in axes:
-        ax.axhline(THRESHOLD, color=style.INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
-        ax.annotate(
-            "manual threshold",
-            (1, THRESHOLD),
-            (-2, 2),
-            va="bottom",
-            ha="right",
-            xycoords=ax.get_yaxis_transform(),
-            textcoords="offset points",
-            fontsize=7,
-        )
+        ax.axhline(THRESHOLD, **dotted)
         ax.set_ylim(bottom=0)
     return figure
 

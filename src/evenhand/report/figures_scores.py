@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from evenhand.report import style
 from evenhand.report.figures_learning import arms_in, seeds_text
 from evenhand.report.inputs import Results
-from evenhand.report.tables import ISSUES, Table, mean_interval, table
+from evenhand.report.tables import ISSUES, SCORE, SHARE, Table, mean_interval, table
 
 TESTED = ("total", *ISSUES, "perfect_rate")
 
@@ -29,7 +29,7 @@ def scores_data(results: Results) -> Table:
             part = test.where(preset=preset, arm=arm)
             for measure in TESTED:
                 floor = mean_interval(part["floor"]).mean if measure == "total" else math.nan
-                mean = mean_interval(part[measure])
+                mean = mean_interval(part[measure], within=SCORE if measure == "total" else SHARE)
                 rows.append((preset, arm, measure, "mean", mean.mean, mean.low, mean.high, floor))
                 for row in part.rows():
                     own = row["floor"] if measure == "total" else math.nan

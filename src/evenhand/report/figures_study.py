@@ -7,11 +7,14 @@ Each figure is three functions: what is drawn (a table, also written as CSV), ho
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from evenhand.inference.chance import wilson
 from evenhand.report import style
 from evenhand.report.inputs import Results
 from evenhand.report.tables import ISSUES, Table, say, table
@@ -44,9 +47,17 @@ def questionnaire_data(results: Results) -> Table:
                 row["identity"],
                 row["share"],
                 row["count"],
+                *_limits(row["count"], row["respondents"]),
                 row["paper_share"],
             )
         )
+    asked = dict(
+        zip(
+            results["questionnaire"]["scenario"],
+            results["questionnaire"]["respondents"],
+            strict=True,
+        )
+    )
     for row in results["questionnaire_issue"].rows():
         rows.append(
             (
@@ -56,6 +67,7 @@ def questionnaire_data(results: Results) -> Table:
                 row["issue"],
                 row["share"],
                 row["count"],
+                *_limits(row["count"], asked[row["scenario"]]),
                 None,
             )
         )
@@ -65,9 +77,19 @@ def questionnaire_data(results: Results) -> Table:
         for answer in dict.fromkeys(answers):
             count = answers.count(answer)
             share = count / len(answers)
-            rows.append((question, _ALL, _ALL, answer, share, count, None))
-    names = ("question", "scenario", "scenario_name", "answer", "share", "count", "paper_share")
+            limits = _limits(count, len(answers))
+            rows.append((question, _ALL, _ALL, answer, share, count, *limits, None))
+    names = (
+        *("question", "scenario", "scenario_name", "answer"),
+        *("share", "count", "ci_low", "ci_high", "paper_share"),
+    )
     return table(names, rows)
+
+
+def _limits(count: int, n: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    low, high = wilson(np.array(count), np.array(n))
+    return float(low), float(high)
 
 
 def questionnaire_draw(data: Table, wide: bool) -> Figure:
@@ -84,7 +106,7 @@ def questionnaire_draw(data: Table, wide: bool) -> Figure:
     }
     count = len(scenarios)
     shape = (2, count) if wide else (count, 2)
-    top = max(0.05, float(np.nanmax(np.r_[data["share"], data["paper_share"]])))
+    top = max(0.05, float(np.nanmax(np.r_[data["ci_high"], data["paper_share"]])))
     figure, axes = style.panels(
         wide,
         *shape,
@@ -103,21 +125,25 @@ def questionnaire_draw(data: Table, wide: bool) -> Figure:
             colour = style.GREY if scenario == _ALL else style.BLUE if half == 0 else style.ORANGE
             ax.barh(at, shares, height=0.68, color=colour)
             for y, label in enumerate(labels):
-                if label in found and not np.isnan(found[label]["paper_share"]):
-                    ax.plot(100 * found[label]["paper_share"], y, **style.PAPER)
+                if label in found:
+                    row = found[label]
+                    ends = [100 * row["ci_low"], 100 * row["ci_high"]]
+                    ax.plot(ends, [y, y], color=style.INK, linewidth=0.9)
+                    ax.plot(100 * row["paper_share"], y, **style.PAPER)
             ax.set_yticks(at, labels)
             if ax.get_ylim()[0] < ax.get_ylim()[1]:
                 ax.invert_yaxis()
-            ax.set_xlim(0, 115 * top)
+            ax.set_xlim(0, min(100.0, 115 * top))
             style.bare(ax, "x")
             if half == 0:
-                ax.set_title(_wrap(names[scenario], 17 if wide else 40))
+                ax.set_title(_wrap(names[scenario], 16 if wide else 40))
             if (half == 1) if wide else place == count - 1:
                 ax.set_xlabel("% of answers")
     marks = [
         Patch(color=style.BLUE, label="identity named"),
         Patch(color=style.ORANGE, label="worst issue"),
         Patch(color=style.GREY, label="simulated data"),
+        Line2D([], [], color=style.INK, linewidth=0.9, label="95 % interval"),
         Line2D([], [], label="printed in the paper", **style.PAPER),
     ]
     style.legend(figure, marks, wide)
@@ -125,13 +151,8 @@ def questionnaire_draw(data: Table, wide: bool) -> Figure:
 
 
 def _wrap(text: str, width: int) -> str:
-    """At most two lines of about ``width`` letters, cut at a space where there is one."""
-    if len(text) <= width:
-        return text
-    cut = text.rfind(" ", 0, width + 1)
-    cut = cut if cut > 0 else width
-    rest = text[cut:].strip()
-    return f"{text[:cut]}\n{rest if len(rest) <= width + 3 else rest[: width + 2] + '…'}"
+    """At most three lines of ``width`` letters, cut at spaces where there are some."""
+    return textwrap.fill(text, width, max_lines=3, placeholder="…")
 
 
 def questionnaire_caption(results: Results, data: Table) -> str:
@@ -141,7 +162,8 @@ def questionnaire_caption(results: Results, data: Table) -> str:
     return (
         f"Answers of {who} simulated respondents a scenario: which identity the robot treats "
         "unevenly, and which issue is worst. Grey: the answers in the simulated data set, "
-        f"{len(results['judgements']):,} judged windows. Diamonds: the shares that the paper "
+        f"{len(results['judgements']):,} judged windows. Lines: 95 % intervals (Wilson), of "
+        "windows as if each had a respondent of its own. Diamonds: the shares that the paper "
         "prints."
     )
 

@@ -17,6 +17,8 @@ from evenhand.report.figures_learning import THRESHOLD, arms_in
 from evenhand.report.figures_study import behaviour_data, measure_title
 from evenhand.report.inputs import STATUSES, Results
 from evenhand.report.tables import (
+    SCORE,
+    SHARE,
     Estimate,
     Table,
     mean_interval,
@@ -85,10 +87,12 @@ def glance(results: Results) -> list[tuple[str, list[Glance]]]:
             lines.append(
                 Glance(
                     arm=style.arm_label(arm),
-                    total=_brief(mean_interval(part["total"])),
+                    total=_brief(mean_interval(part["total"], within=SCORE)),
                     floor=Cell(say(mean_interval(part["floor"]).mean)),
-                    perfect=_brief(mean_interval(part["perfect_rate"]), share=True),
-                    worst_group=_brief(mean_interval(part["worst_group_rate"]), share=True),
+                    perfect=_brief(mean_interval(part["perfect_rate"], within=SHARE), share=True),
+                    worst_group=_brief(
+                        mean_interval(part["worst_group_rate"], within=SHARE), share=True
+                    ),
                     biased=_brief(epochs[0], digits=1) if epochs else Cell(say(math.nan)),
                     levelled=levels_down(part),
                 )
@@ -157,13 +161,13 @@ def _claims(results: Results) -> tuple[str, str]:
     if again:
         parts.append(f"{again} of them again, learned from another reward")
     if unprinted:
-        parts.append(f"{unprinted} shown beside them, of which the paper prints no number")
+        parts.append(f"{unprinted} beside them, of which the paper prints no number")
     counts = dict(status_counts(results))
     outcomes = [f"{counts[s]} {_was(counts[s])} {s}" for s in STATUSES[:2]]
     outcomes += [f"{counts[s]} {s}" for s in STATUSES[2:]]
     return (
         "Claims.",
-        f"The table has {len(ids)} {'row' if len(ids) == 1 else 'rows'}: {_list(parts)}. "
+        f"The table has {len(ids)} {'row' if len(ids) == 1 else 'rows'}: {'; '.join(parts)}. "
         f"{', '.join(outcomes[:-1])}, and {outcomes[-1]} with this run. All people, services and "
         "respondents are simulated.",
     )
@@ -267,7 +271,7 @@ def _points(change: Estimate) -> str:
     """A change of a share in percentage points."""
     if not change.n:
         return say(math.nan)
-    scaled = [100 * value for value in (change.mean, change.low, change.high)]
+    scaled = [100 * min(max(v, -1.0), 1.0) for v in (change.mean, change.low, change.high)]
     mean, low, high = (f"{value:+.1f}".replace("-", "\N{MINUS SIGN}") for value in scaled)
     return f"{mean} [{low}, {high}] points" if change.has_interval else f"{mean} points"
 

@@ -101,12 +101,23 @@ class Estimate:
         return not math.isnan(self.low)
 
 
-def mean_interval(values: Iterable[float], level: float = 0.95) -> Estimate:
+SHARE = (0.0, 1.0)
+"""Ends of the scale of a share."""
+SCORE = (0.0, math.inf)
+"""Of a total issue score, whose upper end depends on the groups."""
+
+
+def mean_interval(
+    values: Iterable[float],
+    level: float = 0.95,
+    within: tuple[float, float] = (-math.inf, math.inf),
+) -> Estimate:
     """Mean and Student t interval over seeds.
 
     Args:
         values: one number a seed; NaN (not defined for that seed) is left out.
         level: coverage of the interval.
+        within: least and most that the mean can be; the interval is cut there.
 
     Returns:
         mean ± t(n−1) · s/√n. One value has no interval, none has no mean: NaN, never 0.
@@ -119,7 +130,7 @@ def mean_interval(values: Iterable[float], level: float = 0.95) -> Estimate:
     if len(x) == 1:
         return Estimate(mean, math.nan, math.nan, 1)
     half = float(stdtrit(len(x) - 1, 0.5 + level / 2) * x.std(ddof=1) / math.sqrt(len(x)))
-    return Estimate(mean, mean - half, mean + half, len(x))
+    return Estimate(mean, max(mean - half, within[0]), min(mean + half, within[1]), len(x))
 
 
 def trailing_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:

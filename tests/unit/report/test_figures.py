@@ -107,14 +107,30 @@ def test_biased_epochs_are_counted_by_seed_and_compared_with_the_paper() -> None
     detector = {row["seed"]: row for row in data.where(judge="detector").rows()}
     assert (detector["0"]["biased_epochs"], detector["0"]["judged_epochs"]) == (2, 3)
     assert (detector["1"]["biased_epochs"], detector["1"]["judged_epochs"]) == (1, 2)
-    # mean 1.5, s = 1/sqrt(2), t(1) = 12.7062, half = 12.7062 * (1/sqrt 2) / sqrt 2 = 6.3531
+    # mean 1.5, s = 1/sqrt(2), t(1) = 12.7062, half = 6.3531: from less than 0 to more than all
     assert detector["mean"]["biased_epochs"] == 1.5
-    assert detector["mean"]["ci_high"] == pytest.approx(1.5 + 6.3531, abs=1e-4)
+    assert (detector["mean"]["ci_low"], detector["mean"]["ci_high"]) == (0, 3)  # of 3 epochs
     assert detector["mean"]["paper"] == pytest.approx(54 * 3 / 300)
     assert np.isnan(data.where(judge="threshold")["paper"]).all()
     with style.drawing():
-        points = drawn_points(biased_draw(data, True))
-    assert {(1.5, -0.15), (0.54, -0.35), (2.0, -0.02), (1.0, -0.02)} <= points
+        figure = biased_draw(data, True)
+    assert {(1.5, -0.15), (0.54, -0.35), (2.0, -0.02), (1.0, -0.02)} <= drawn_points(figure)
+    assert figure.axes[0].get_xlim() == (0, 3)
+
+
+@pytest.mark.parametrize("wide", [True, False])
+def test_biased_epochs_have_a_line_for_every_arm_that_ran(wide: bool) -> None:
+    ran = [("paper", "ppo"), ("service", "ppo"), ("service", "ppo+levelup")]
+    rows = [
+        epoch(arm, 0, at, 0.1, biased_detector=1.0, biased_threshold=0.0) | {"preset": preset}
+        for preset, arm in ran
+        for at in (1, 2)
+    ]
+    data = biased_data(results_of(epochs=rows_of("epochs", rows)))
+    with style.drawing():
+        figure = biased_draw(data, wide)
+    labels = [[label.get_text() for label in ax.get_yticklabels()] for ax in figure.axes]
+    assert labels == [["PPO"], ["PPO", "PPO\n+ level-up"]]
 
 
 def test_zoom_takes_the_seed_and_the_epochs_with_most_detections() -> None:
@@ -150,8 +166,9 @@ def test_test_scores_have_seeds_interval_and_floor() -> None:
     total = {row["seed"]: row for row in data.where(measure="total").rows()}
     assert set(total) == {"mean", "0", "1"}
     assert total["mean"]["value"] == pytest.approx(0.2)
-    # s = 0.1414, t(1) = 12.7062, half = 12.7062 * 0.1 = 1.27062
-    assert total["mean"]["ci_low"] == pytest.approx(0.2 - 1.27062, abs=1e-5)
+    # s = 0.1414, t(1) = 12.7062, half = 12.7062 * 0.1 = 1.27062; no total lies below 0
+    assert total["mean"]["ci_low"] == 0
+    assert total["mean"]["ci_high"] == pytest.approx(0.2 + 1.27062, abs=1e-5)
     assert total["mean"]["chance_floor"] == pytest.approx(0.05)
     assert np.isnan(data.where(measure="willingness")["value"]).all()
     assert np.isnan(data.where(measure="risk")["chance_floor"]).all()
@@ -184,6 +201,9 @@ def test_questionnaire_counts_the_simulated_judgements() -> None:
         (row["question"], row["scenario"], row["answer"]): row["share"] for row in data.rows()
     }
     assert shares["identity", "1", "race"] == 0.25
+    race = next(row for row in data.rows() if row["answer"] == "race")
+    # statsmodels.stats.proportion.proportion_confint(6, 24, method="wilson")
+    assert (race["ci_low"], race["ci_high"]) == pytest.approx((0.1200, 0.4490), abs=1e-4)
     assert shares["identity", "judged windows", "race"] == 0.5
     assert shares["identity", "judged windows", "none"] == 0.25
     assert shares["issue", "judged windows", "risk"] == 0.5

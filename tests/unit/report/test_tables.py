@@ -34,6 +34,15 @@ def test_interval_agrees_with_scipy() -> None:
     assert (found.low, found.high) == pytest.approx((low, high))
 
 
+def test_an_interval_ends_where_the_scale_does() -> None:
+    # shares 0.7 and 1.0: 0.85 ± 12.7062 * 0.2121 / sqrt 2, that is ± 1.9
+    cut = mean_interval([0.7, 1.0], within=(0.0, 1.0))
+    assert (cut.mean, cut.low, cut.high) == (0.85, 0.0, 1.0)
+    free = mean_interval([0.7, 1.0])
+    assert (free.low, free.high) == pytest.approx((0.85 - 1.90593, 0.85 + 1.90593), abs=1e-5)
+    assert not mean_interval([0.7], within=(0.0, 1.0)).has_interval
+
+
 def test_one_seed_has_a_mean_and_no_interval() -> None:
     found = mean_interval([0.25, math.nan])
     assert (found.mean, found.n, found.has_interval) == (0.25, 1, False)
