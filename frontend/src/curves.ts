@@ -228,8 +228,8 @@ export class Curves {
         draw(svg, "text", { ...place, y: y + 14, class: "strong" }, `yes, ${time.toFixed(1)} s`);
       } else {
         const word = met === null ? "does not apply" : "no";
-        const fits = end < RIGHT - 84;
-        const line = { x1: LEFT, x2: fits ? end : end - 86, y1: y + 9.5, y2: y + 9.5 };
+        const fits = end < RIGHT - 108;
+        const line = { x1: LEFT, x2: fits ? end : end - 110, y1: y + 9.5, y2: y + 9.5 };
         if (met === null) draw(svg, "line", { class: "void", ...line });
         const place: Attributes = fits ? { x: end + 5 } : { x: end - 5, "text-anchor": "end" };
         draw(svg, "text", { ...place, y: y + 14 }, word);

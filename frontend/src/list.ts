@@ -26,8 +26,8 @@ export class List {
     }
     const issues = data.issues.map((name) => [name, capital(name)] as const);
     this.issue = this.select(form, "Issue", [
-      [ANY, "Any or none"],
-      ["any", "Any"],
+      [ANY, "Any"],
+      ["any", "Some"],
       ...issues,
       [NONE, "None"],
     ]);

@@ -63,11 +63,28 @@ def test_from_a_template_to_a_study(cli, tmp_path, file):
         re.match(r"evenhand: new/a\.toml, line \d+, sets \d\.clips: clip-", x) for x in lines
     )
     shown = cli("study", "check", "new/a.toml", "--clips", "clips")
-    assert (shown.code, shown.err) == (0, "")
-    assert "8 sets, 8 for each participant, 15 pages, 8 orders of the sets" in shown.out
-    assert "to be written before anybody is asked: [[name of the lead]]" in shown.out
+    # it is what `study serve` refuses, and the pages say "Page 1 of 14"
+    assert (shown.code, shown.err) == (1, "")
+    first, *todo = shown.out.splitlines()
+    assert len(todo) > 3
+    assert first.startswith(f"new/a.toml is complete but for {len(todo)} texts, and the server")
+    assert "8 sets, 8 for each participant, 14 pages, 8 orders of the sets" in first
+    assert todo[0] == "to be written before anybody is asked: [[name of the lead]]"
+    assert (
+        "has to be completed" in cli("study", "serve", "new/a.toml", "--clips", "clips").complaint
+    )
     shown = cli("study", "check", file)
     assert (shown.code, shown.err, shown.out.count("\n")) == (0, "", 1)
+    assert "my.toml can be served: " in shown.out
+
+
+def test_the_papers_study_has_no_place_for_clips(cli):
+    shown = cli("study", "check")
+    assert shown.code == 2
+    package = str(protocol_file.PAPER.parent)
+    for line in shown.err.splitlines():
+        assert line.endswith("--clips FOLDER, after `evenhand film study --out FOLDER`")
+        assert line.count(package) == 1  # the file's own name, before the sentence
 
 
 def test_all_mistakes_are_printed_at_once(cli, file):

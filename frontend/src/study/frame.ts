@@ -61,7 +61,7 @@ function say(walk: Walk, saved: Saved, waiting: number): void {
     : "Please leave this page open. You can go on.";
   const words: Record<Saved, string> = {
     nothing: "",
-    saved: walk.begun ? "\u2713 Everything so far is saved." : "",
+    saved: walk.begun ? `\u2713 Everything so far is ${walk.study.preview ? "kept until the preview ends" : "saved"}.` : "",
     saving: "Saving\u2026",
     offline: waiting
       ? `Waiting for the connection: ${pages} to be saved. ${kept}`

@@ -31,6 +31,9 @@ _FOLDER = arg(metavar="FOLDER", help_behavior_hint="(as the file says)")
 class StudyCheck:
     """Check a study's file: every mistake with its line, all of them at once.
 
+    Ends with code 0 where the study can be served, 1 where only texts are still to be written, and
+    2 where there are mistakes.
+
     For instance: evenhand study new my.toml, then: evenhand study check my.toml
     """
 
@@ -51,14 +54,22 @@ class StudyCheck:
                 print(f"evenhand: {path}, {mistake}", file=sys.stderr)
             return 2
         n = orders.count(study)
+        todo = protocol_file.unfinished(study)
+        texts = "1 text" if len(todo) == 1 else f"{len(todo)} texts"
         print(
-            f"{path} can be served: {len(study.sets)} sets, {study.judged} for each participant, "
-            f"{len(orders.pages(study, 0))} pages, {n or 'any number of'} "
+            f"{path} "
+            + (
+                f"is complete but for {texts}, and the server does not start before"
+                if todo
+                else "can be served"
+            )
+            + f": {len(study.sets)} sets, {study.judged} for each participant, "
+            f"{orders.length(study)} pages, {n or 'any number of'} "
             f"order{'' if n == 1 else 's'} of the sets, about {study.minutes} minutes"
         )
-        for part in protocol_file.unfinished(study):
-            print(f"to be written before anybody is asked: {part}")
-        return 0
+        for part in todo:
+            print(f"to be written before anybody is asked: {' '.join(part.split())}")
+        return 1 if todo else 0
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,11 @@ def pages(study: Protocol, number: int) -> list[dict[str, Any]]:
     return found
 
 
+def length(study: Protocol) -> int:
+    """How many pages a participant fills in, as the pages count them: without the thanks."""
+    return len(pages(study, 0)) - 1
+
+
 def _chosen(name: str, ask: str, options: tuple[str, ...], required: bool) -> dict[str, Any]:
     return {
         "id": name,

@@ -95,11 +95,14 @@ def _missing(study: Protocol) -> Iterator[tuple[Place, str]]:
         # a name that is none was complained about
         if lost and all(CLIP.fullmatch(name) for name in lost):
             are = "is" if len(lost) == 1 else "are"
-            yield (
-                ("sets", number, "clips"),
-                f"{', '.join(lost)} {are} not in the folder {study.clips}: put clips there, for "
-                "instance with `evenhand film study`",
-            )
+            if study.clips.is_relative_to(PAPER.parent):  # no place to put anything
+                where = "there, for the paper's study comes without clips: name their folder with"
+                told = f"{where} --clips FOLDER, after `evenhand film study --out FOLDER`"
+            else:
+                told = f"in the folder {study.clips}: put clips there, for instance with "
+                told += f"`evenhand film study --out {study.clips}`, or name their folder with "
+                told += "--clips FOLDER"
+            yield ("sets", number, "clips"), f"{', '.join(lost)} {are} not {told}"
 
 
 def unfinished(study: Protocol) -> list[str]:

@@ -117,8 +117,8 @@ def test_claims_come_first_with_status_in_words(page: Page) -> None:
 def test_it_is_said_what_the_rows_of_claims_are(page: Page) -> None:
     text = " ".join(" ".join(page.text).split())
     assert (
-        "The table has 7 rows: 5 claims of the paper; 1 of them again, learned from another reward; "
-        "1 beside them, of which the paper prints no number. 3 were reproduced, 1 was "
+        "The table has 7 rows: 5 claims of the paper; 1 of them again, learned from another "
+        "reward; 1 beside them, of which the paper prints no number. 3 were reproduced, 1 was "
         "contradicted, 2 cannot be told, and 1 cannot be tested with this run."
     ) in text
 
