@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from evenhand.inference.chance import wilson
+from evenhand.inference.intervals import wilson
 from evenhand.report import style
 from evenhand.report.inputs import Results
 from evenhand.report.tables import ISSUES, Table, say, table
