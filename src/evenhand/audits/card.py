@@ -27,6 +27,7 @@ from evenhand.audits.phrases import (
     number,
     p_value,
     points,
+    same,
     seconds,
     share,
     shown,
@@ -186,6 +187,12 @@ def _complete(these: list[Finding]) -> Listing:
 def waiting_plate(findings: Findings, about: About) -> Plate:
     """Figure and table of waiting, services without a response included."""
     limit = "the limit" if math.isnan(about.late) else seconds(about.late)
+    like = (
+        f" Differences and p-values are {same(about.within)}; shares and medians are of the whole "
+        "log."
+        if about.within
+        else ""
+    )
     bodies = [
         (
             f"{shown(one.group)} ({shown(one.identity)})",
@@ -213,6 +220,7 @@ def waiting_plate(findings: Findings, about: About) -> Plate:
         caption=(
             f"Share still waiting after {limit} (Kaplan and Meier): a service that ended without "
             f"a response counts as waiting until it ended. Lines: {level(findings)} intervals."
+            f"{like}"
         ),
         wide=_svg(lambda: figures.waiting(findings), "waiting"),
         narrow=_svg(lambda: figures.waiting(findings, False), "waiting-narrow"),

@@ -187,7 +187,7 @@ class Follower:
             numbered = numbered.mutate(**{name: ibis.null("string") for name in lacking})
         place = ibis.row_number().over(ibis.window(order_by=self.order)) // self.batch
         log = replace(log, table=numbered.mutate(**{_BATCH: place.cast("int64")}))
-        counts, _ = tally(log, replace(self.mapping, within=(_BATCH,)), alone=True)
+        counts, _ = tally(log, replace(self.mapping, within=(_BATCH,)), alone=True, waiting=False)
         self.seen += services
         return counts
 

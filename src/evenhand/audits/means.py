@@ -79,7 +79,8 @@ def _measure(
 ) -> list[MeasureFinding]:
     p = p_values(tally, values, rng, permutations)
     order = np.argsort(values.value, kind="stable")
-    value, n, codes = values.value[order], values.n[order], values.codes[order]
+    value, mean = values.value[order], values.mean[order]
+    n, codes = values.n[order], values.codes[order]
     found, column = [], 0
     for d, one in enumerate(tally.identities):
         for code, group in enumerate(one.groups):
@@ -91,8 +92,8 @@ def _measure(
                     identity=one.name,
                     group=group,
                     n=int(here.sum()),
-                    mean=_mean(value, here),
-                    rest_mean=_mean(value, rest),
+                    mean=_mean(mean, here),
+                    rest_mean=_mean(mean, rest),
                     mean_p=float(p[column, 0]),
                     median=median(value, here),
                     rest_median=median(value, rest),
@@ -139,7 +140,8 @@ def p_values(
 
 def _scored(tally: Tally, values: Values) -> _Scored:
     order = np.lexsort((values.value, values.stratum))
-    value, n, stratum = values.value[order], values.n[order], values.stratum[order]
+    value, mean = values.value[order], values.mean[order]
+    n, stratum = values.n[order], values.stratum[order]
     cuts = np.flatnonzero(np.diff(stratum)) + 1
     starts = np.concatenate([[0], cuts, [len(value)]])
     # One number a kind of people, for rows may be many and sorting rows of codes is slow.
@@ -151,11 +153,11 @@ def _scored(tally: Tally, values: Values) -> _Scored:
     _, first, kind = np.unique(code, return_index=True, return_inverse=True)
     score = np.empty((len(value), 2))
     for a, b in pairwise(starts):
-        score[a:b, 0] = value[a:b]
+        score[a:b, 0] = mean[a:b]
         score[a:b, 1] = np.sign(value[a:b] - median(value[a:b], n[a:b]))
         score[a:b] -= n[a:b] @ score[a:b] / n[a:b].sum()
     size = np.sqrt(n @ score**2 / n.sum())
-    flat = size <= FLAT * np.array([np.abs(value).max(), 1.0])
+    flat = size <= FLAT * np.array([np.abs(mean).max(), 1.0])
     return _Scored(
         inside=membership(values.codes[order][first], tally.identities),
         kind=kind.ravel(),

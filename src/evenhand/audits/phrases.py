@@ -167,6 +167,16 @@ def services(n: int, kind: str = "services") -> str:
     return f"{n:,} {kind if n != 1 else kind[:-1]}"
 
 
+def of_groups(n: int) -> str:
+    """How many groups."""
+    return f"{n:,} group{'s' if n != 1 else ''}"
+
+
+def same(within: str) -> str:
+    """Such as "within the same site"."""
+    return f"within the same {shown(within)}"
+
+
 def rounded_up(needed: float) -> int:
     """An estimate of how many are needed, with two leading digits."""
     unit = 10 ** max(0, len(str(int(needed))) - 2)

@@ -39,7 +39,7 @@ def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> t
         for a, b in twins(one.groups)[:3]:
             found.append(f"groups {a!r} and {b!r} of {one.name!r} differ in spelling only")
     if tally.waits is not None:
-        lost = tally.services - int(tally.waits.n.sum())
+        lost = tally.services - tally.waits.services
         if lost:
             found.append(
                 f"{lost} of {tally.services} services do not tell how long people waited: they are "

@@ -49,7 +49,7 @@ class Finding:
         rate: cases / n; NaN without services.
         rest_n: services of all others to which it applies.
         rest_rate: their rate.
-        difference: rate − rest_rate; NaN if a side is empty.
+        difference: rate − rest_rate; within strata, where there are any; NaN if a side is empty.
         low: lower limit of the difference; all limits of an audit hold together (Newcombe's from
             exact limits of both rates, with Bonferroni's adjustment); NaN if a side is empty.
         high: upper limit.
@@ -96,11 +96,12 @@ class WaitFinding:
         unserved_low: lower limit of the share by itself.
         unserved_high: upper limit.
         rest_unserved: share of all others.
-        difference: unserved − rest_unserved; NaN if either is missing.
+        difference: unserved − rest_unserved; within strata, where there are any, so that it need
+            not be the difference of the two; NaN if either is missing.
         low: lower limit of the difference; those of all groups hold together (Bonferroni).
         high: upper limit.
-        p: log-rank test against all others, adjusted over all groups (Holm); NaN if a side is
-            empty.
+        p: log-rank test against all others, within strata where there are any, adjusted over all
+            groups (Holm); NaN if a side is empty.
     """
 
     identity: str

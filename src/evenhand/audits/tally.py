@@ -6,7 +6,7 @@ identities are a few thousand rows; who they were in detail never leaves the eng
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,7 +34,9 @@ class Waits:
     """How long people waited, as counts.
 
     Attributes:
-        codes: group of each identity, int64 [W, D].
+        codes: group of each identity, int64 [W, D]; -1 in rows that do not count for it, where
+            each identity was counted by itself.
+        stratum: int64 [W].
         step: waiting in whole steps, rounded up, int64 [W].
         responded: whether it ended with a response; else it is censored there, bool [W].
         n: services, int64 [W].
@@ -43,11 +45,28 @@ class Waits:
     """
 
     codes: np.ndarray
+    stratum: np.ndarray
     step: np.ndarray
     responded: np.ndarray
     n: np.ndarray
     seconds: float
     late: int
+
+    @property
+    def services(self) -> int:
+        """Those whose waiting is known."""
+        return int(self.n[self.codes[:, 0] >= 0].sum())
+
+    def only(self, rows: np.ndarray) -> Waits:
+        """Some of the rows."""
+        return replace(
+            self,
+            codes=self.codes[rows],
+            stratum=self.stratum[rows],
+            step=self.step[rows],
+            responded=self.responded[rows],
+            n=self.n[rows],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +77,9 @@ class Values:
         name: column of the log.
         codes: group of each identity, int64 [V, D].
         stratum: int64 [V].
-        value: of the measure, float64 [V]; finite.
+        value: of the measure, float64 [V]; finite. Where it is counted in steps, the mean of all
+            services in the step.
+        mean: of the services of the row alone, float64 [V]; ``value`` where that is exact.
         n: services, int64 [V].
     """
 
@@ -66,6 +87,7 @@ class Values:
     codes: np.ndarray
     stratum: np.ndarray
     value: np.ndarray
+    mean: np.ndarray
     n: np.ndarray
 
 

@@ -21,9 +21,11 @@ from evenhand.audits.phrases import (
     joined,
     level,
     number,
+    of_groups,
     p_value,
     points,
     rounded_up,
+    same,
     seconds,
     services,
     share,
@@ -169,7 +171,7 @@ def _disparity(findings: Findings, one: Finding, twin: str | None, within: str) 
     happened, kind = HAPPENED.get(one.issue, (f"met {shown(one.issue)}", "services"))
     rest = "the others" if twin is None else f"“{shown(twin)}”"
     more = "more" if one.difference > 0 else "less"
-    like = f"within the same {shown(within)}, " if within else ""
+    like = f"{same(within)}, " if within else ""
     gap = f"{like}{100 * abs(one.difference):.1f} percentage points {more}"
     sure = f"{level(findings)} interval {points(one.low)} to {points(one.high)}"
     return (
@@ -235,21 +237,25 @@ def waiting_sentences(findings: Findings, about: About) -> list[str]:
         if (one.identity, twin) in seen:
             continue
         seen.add((one.identity, one.group))
-        said.append(_waiting(findings, one, twin, limit))
+        said.append(_waiting(findings, one, twin, limit, about.within))
     if alike:
-        said.append(f"For {_groups(alike)} no difference in waiting was found.")
+        like = f" {same(about.within)}" if about.within else ""
+        said.append(f"For {of_groups(alike)} no difference in waiting{like} was found.")
     lost = sum(math.isnan(one.p) for one in listed)
     if lost:
-        said.append(f"For {_groups(lost)} the waiting could not be compared.")
+        said.append(f"For {of_groups(lost)} the waiting could not be compared.")
     return said
 
 
-def _waiting(findings: Findings, one: WaitFinding, twin: str | None, limit: str) -> str:
+def _waiting(
+    findings: Findings, one: WaitFinding, twin: str | None, limit: str, within: str
+) -> str:
     rest = "the others" if twin is None else f"“{shown(twin)}”"
+    like = f"{same(within)} " if within else ""
     return (
         f"After {limit}, {share(one.unserved)} of {who(one)} still waited, of {rest} "
-        f"{share(one.rest_unserved)} ({points(one.difference)} points, {level(findings)} interval "
-        f"{points(one.low)} to {points(one.high)}); whole waiting times differ, adjusted "
+        f"{share(one.rest_unserved)} ({like}{points(one.difference)} points, {level(findings)} "
+        f"interval {points(one.low)} to {points(one.high)}); whole waiting times differ, adjusted "
         f"log-rank p{SPACE}{p_value(one.p, sign=True)}."
     )
 
@@ -264,10 +270,10 @@ def measure_sentences(findings: Findings) -> list[str]:
         said += [_measure(one, alpha) for one in unequal]
         lost = sum(math.isnan(one.mean_p) and math.isnan(one.median_p) for one in these)
         if len(these) - len(unequal) - lost:
-            alike = _groups(len(these) - len(unequal) - lost)
+            alike = of_groups(len(these) - len(unequal) - lost)
             said.append(f"{shown(name)}: for {alike} no difference of mean or median was found.")
         if lost:
-            said.append(f"{shown(name)}: for {_groups(lost)} it could not be compared.")
+            said.append(f"{shown(name)}: for {of_groups(lost)} it could not be compared.")
     return said
 
 
@@ -286,10 +292,6 @@ def _measure(one: MeasureFinding, alpha: float) -> str:
 
 def _last(p: float) -> float:
     return math.inf if math.isnan(p) else p
-
-
-def _groups(n: int) -> str:
-    return f"{n:,} group{'s' if n != 1 else ''}"
 
 
 def resemblance_sentences(listed: Sequence[Resemblance], about: About) -> list[str]:
@@ -343,8 +345,9 @@ def limits(findings: Findings, about: About) -> list[tuple[str, str]]:
     ]  # fmt: skip
     if about.within:
         said.append(
-            ("Strata.", "Differences, intervals and p-values compare services within the same "
-             f"{shown(about.within)}; rates, waiting and the total are of the whole log.")
+            ("Strata.", "Differences, their intervals and p-values compare services "
+             f"{same(about.within)}; rates, shares still waiting, means, medians and the total are "
+             "of the whole log.")
         )  # fmt: skip
     said += [("Left out.", shown(sentence)) for sentence in about.left_out]
     return said

@@ -19,7 +19,8 @@ class Example:
 
     No person is behind it. By construction children are ignored more often and approached too
     closely, gender makes no difference, and guests in a wheelchair are too few to say anything.
-    One site is slower and has more older guests: give `--within site` to compare like with like.
+    One site is slower and has more older guests, who seem to wait longer; `--within site` compares
+    like with like and shows that within each site they do not.
 
     For instance: evenhand example fleet.csv
     """

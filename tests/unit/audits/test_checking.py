@@ -3,7 +3,7 @@
 import pyarrow as pa
 import pytest
 
-from evenhand.audits import checking, counting
+from evenhand.audits import checking, counting, keyed
 from evenhand.audits.mapping import Mapping
 from evenhand.audits.sources import open_source
 from evenhand.errors import InputError
@@ -62,7 +62,7 @@ def test_a_wrong_cell_comes_before_too_many_groups():
 
 
 def test_a_wrong_cell_comes_before_too_many_combinations(monkeypatch):
-    monkeypatch.setattr(counting, "MOST_ROWS", 3)
+    monkeypatch.setattr(keyed, "MOST_ROWS", 3)
     log = {"who": ["a", "b", "c", "d"], "ok": ["yes", "no", "perhaps", "yes"]}
     roles = Mapping(identities=("who",), responded="ok")
     with pytest.raises(InputError, match=WRONG):

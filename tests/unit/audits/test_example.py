@@ -79,6 +79,22 @@ def test_older_guests_wait_longer_only_as_long_as_sites_are_mixed(over_all, with
     )
 
 
+def test_waiting_times_of_older_guests_differ_only_as_long_as_sites_are_mixed(
+    over_all, within_sites
+):
+    mixed, inside = (
+        next(one for one in found.findings.waits if one.group == "older adult")
+        for found in (over_all, within_sites)
+    )
+    assert mixed.p < 0.001
+    assert mixed.difference > 0.03
+    assert inside.p > 0.05
+    assert inside.low < 0 < inside.high
+    assert (inside.unserved, inside.rest_unserved) == (mixed.unserved, mixed.rest_unserved)
+    assert "of “older adult” (age_group) still waited" in over_all.summary
+    assert "of “older adult” (age_group) still waited" not in within_sites.summary
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_other_seeds_tell_the_same(seed):
     """The great effects are found with any; an even identity has an alarm in 1 of 20 at most."""

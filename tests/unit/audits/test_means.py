@@ -21,6 +21,7 @@ def log(codes, value, groups, n=None, stratum=None):
     codes = np.array(codes, np.int64)
     n = np.ones(len(codes), np.int64) if n is None else np.array(n)
     place = np.zeros(len(codes), np.int64) if stratum is None else np.array(stratum)
+    value = np.array(value, float)
     return Tally(
         identities=tuple(
             Identity(f"identity{d}", tuple(f"group{g}" for g in range(size)))
@@ -32,7 +33,7 @@ def log(codes, value, groups, n=None, stratum=None):
         stratum=np.zeros(1, np.int64),
         x=np.zeros((1, 1)),
         n=np.ones(1, np.int64),
-        values=(Values(NAME, codes, place, np.array(value, float), n),),
+        values=(Values(NAME, codes, place, value, value, n),),
     )
 
 

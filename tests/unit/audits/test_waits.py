@@ -16,10 +16,12 @@ from evenhand.inference import survival
 IDENTITIES = (Identity("race", ("A", "B")), Identity("age", ("young", "middle", "old")))
 
 
-def log(codes, step, responded, n, late, seconds=0.5, identities=IDENTITIES):
+def log(codes, step, responded, n, late, seconds=0.5, identities=IDENTITIES, stratum=0):
     """A tally that tells little but waiting."""
     codes = np.array(codes, np.int64)
-    told = Waits(codes, np.array(step), np.array(responded, bool), np.array(n), seconds, late)
+    strata = np.broadcast_to(np.array(stratum), len(codes))
+    step, responded = np.array(step), np.array(responded, bool)
+    told = Waits(codes, strata, step, responded, np.array(n), seconds, late)
     return Tally(
         identities=identities,
         issues=("willingness",),

@@ -115,6 +115,12 @@ def test_waiting_names_the_groups_that_differ_and_counts_the_rest(told):
     ]
 
 
+def test_waiting_within_strata_is_said_to_be(made_up, about):
+    told = lines(words.waiting_sentences(made_up(), replace(about, within="site")))
+    assert "of the others 15.0 % (within the same site +40.0 points, 95 % interval" in told[0]
+    assert told[1] == "For 2 groups no difference in waiting within the same site was found."
+
+
 def test_a_log_without_waiting_says_nothing_of_it(made_up, about):
     told = words.summary(made_up(waits=(), measures=(), resemblance=()), about)
     assert (told.waiting, told.measures, told.resemblance) == ((), (), ())
