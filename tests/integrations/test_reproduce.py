@@ -202,6 +202,7 @@ def test_the_manifest_says_how_it_was_made(whole):
     manifest = json.loads((whole / "manifest.json").read_text())
     assert manifest["command"].startswith(f"evenhand reproduce --out {whole} --epochs 40")
     assert (manifest["seeds"], manifest["test_seeds"]) == ([0, 1], [1_000_000, 1_000_001])
+    assert len(manifest["made_with"]) == 1
     # the clock goes on over all calls that it took
     assert manifest["elapsed_s"] == pytest.approx(sum(manifest["stages"].values()))
     assert manifest["stages"]["training and test"] > 0
@@ -212,6 +213,28 @@ def test_a_finished_experiment_is_not_done_again(whole, reproduce, results):
     reproduce(whole, *SMALL, "--seeds", 2, "--workers", 2)
     assert results(whole) == before
     assert made(whole) == when
+
+
+def test_a_call_for_less_drops_nothing(whole, reproduce, results):
+    before = results(whole)
+    reproduce(whole, *FIRST)  # one preset and one seed of two
+    assert results(whole) == before
+    manifest = json.loads((whole / "manifest.json").read_text())
+    assert manifest["seeds_of"] == {"paper": [0, 1], "service": [0, 1]}
+    assert manifest["settings"]["preset"] == ["paper", "service"]
+    assert sum(one["runs"] for one in manifest["made_with"]) == (4 + 6) * 2
+
+
+def test_runs_of_other_versions_do_not_mix_in(apart, whole):
+    folder = whole / "runs" / "paper" / "ppo" / "seed-01"
+    note = folder / "done.json"
+    right = note.read_text()
+    other = json.loads(right)
+    other["versions"]["mujoco"] = "3.9.9"
+    note.write_text(json.dumps(other))
+    complaint = apart("reproduce", "--out", whole, *FIRST).complaint
+    assert complaint.startswith(f'{folder} was begun with other versions (mujoco "3.9.9" there')
+    note.write_text(right)
 
 
 def test_a_detector_is_fitted_again_from_the_judgements(apart, whole, tmp_path):

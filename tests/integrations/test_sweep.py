@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from evenhand import files
-from evenhand.experiments import compare
+from evenhand.experiments import compare, origin
 from evenhand.experiments.compare_settings import Cell
 
 FILE = """
@@ -93,7 +93,9 @@ def test_every_promised_file_is_there(calm, file):
 def test_a_run_is_the_one_of_a_comparison(calm, tmp_path):
     """The same arm, scenario, seed and settings give the same numbers as `evenhand compare`."""
     cell = Cell("tips", "reinforce", "levelup@2", 3)
-    compare.train_and_test(tell=lambda *_: None, cell=cell, out=tmp_path, epochs=3, services=300)
+    compare.train_and_test(
+        tell=lambda *_: None, cell=cell, out=tmp_path, made=origin.now(), epochs=3, services=300
+    )
     theirs = json.loads((cell.folder(tmp_path) / "done.json").read_text())["test"]
     ours = cell.folder(calm / "variants" / QUICK)
     assert json.loads((ours / "done.json").read_text())["test"] == theirs

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evenhand.experiments import compare, sweep_report, sweep_runs
+from evenhand.experiments import origin, sweep_report, sweep_runs
 from evenhand.experiments.compare_settings import Cell
 from evenhand.experiments.sweep import Line
 from evenhand.experiments.sweep_settings import Job, Variant
@@ -35,7 +35,7 @@ def work(folder: Path, job: Job, ticks: int) -> None:
     sweep_runs.perform(tell=tell, job=job, folder=folder / job.path)
     lines = [Line(job, sweep_runs.finished(job, folder / job.path), None, 1, None)]
     (folder / "sweep.toml").touch()
-    compare.commit = lambda: None  # somebody may commit meanwhile
+    origin.commit = lambda: None  # somebody may commit meanwhile
     sweep_report.write_all(folder, lines, "evenhand sweep", 1, 0.0)
 
 

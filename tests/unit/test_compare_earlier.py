@@ -47,7 +47,7 @@ def written(folder: Path, lines: list[list[str]], noted: dict[str, object]) -> P
 
 
 def load(path: Path) -> compare_earlier.Earlier:
-    return compare_earlier.load(path, EPOCHS, SERVICES, prints)
+    return compare_earlier.load(path, EPOCHS, SERVICES, prints, "judge")
 
 
 def test_every_run_is_taken(tmp_path):
@@ -72,6 +72,11 @@ def test_a_manifest_may_stand_beside_under_its_usual_name(tmp_path):
         (1, 5, "inf", "line 3: seed '0' or value 'inf' is no number"),
         (1, 3, "x", "line 3: seed 'x' or value '1.0' is no number"),
         (1, 3, "-1", "line 3: seed '-1' or value '1.0' is no number"),
+        (1, 3, "1_0", "line 3: seed '1_0' or value '1.0' is no number"),
+        (0, 0, "tip", "line 2: unknown scenario 'tip': did you mean 'tips'"),
+        (0, 1, "pppo", "line 2: unknown algorithm of arm levelup 'pppo': did you mean 'ppo'"),
+        (0, 1, "none", "line 2: unknown algorithm of arm levelup 'none'"),
+        (-1, 1, "ppo", "unknown algorithm of arm reference 'ppo': choose one of none"),
         (1, 4, METRICS[0], f"line 3: {METRICS[0]} of tips, ppo, levelup, seed 0 stands there"),
     ],
 )
@@ -95,6 +100,11 @@ def test_a_short_row_and_a_cut_table_are_named(tmp_path):
     [
         ({"settings": {"epochs": 200, "services": SERVICES}}, "another comparison (epochs"),
         ({"fingerprints": {"levelup": "other"}}, "levelup had other settings in that comparison"),
+        ({"detector": "another"}, "another detector judged in that comparison"),
+        ({"worlds": {"tips": {"tips": 0.5}}}, "scenario tips was another one in that comparison"),
+        ({"fingerprints": None}, "fingerprints is None, and has to be a record: restore the file"),
+        ({"fingerprints": []}, "fingerprints is [], and has to be a record: restore the file"),
+        ({"settings": []}, "settings is [], and has to be a record: restore the file"),
     ],
 )
 def test_another_comparison_is_refused(tmp_path, changes, said):
@@ -103,12 +113,68 @@ def test_another_comparison_is_refused(tmp_path, changes, said):
     assert said in str(caught.value)
 
 
+def test_what_is_noted_of_scenarios_and_the_detector_may_be_the_same(tmp_path):
+    tips = {"population": "uniform", "perception": 0.0, "needs": 0.0, "tips": 1.0, "prejudice": 0.0}
+    noted = manifest() | {"detector": "judge", "worlds": {"tips": tips}, "made_with": ["a"]}
+    found = load(written(tmp_path, rows(), noted))
+    assert set(found.results) == set(CELLS)
+    assert found.manifest["made_with"] == ["a"]
+
+
+def test_names_are_written_in_one_way(tmp_path):
+    lines = rows()
+    for line in lines[: len(METRICS)]:
+        line[0], line[2] = "tips+perception", "levelup@5.0"
+    noted = manifest() | {
+        "fingerprints": {"levelup@5.0": prints("levelup@5"), "reference": prints("reference")}
+    }
+    found = load(written(tmp_path, lines, noted))
+    assert set(found.results) == {Cell("perception+tips", "ppo", "levelup@5", 0), CELLS[1]}
+    both = lines + [[*line[:2], "levelup@5", *line[3:]] for line in lines[: len(METRICS)]]
+    with pytest.raises(InputError, match="stands there twice"):
+        load(written(tmp_path, both, noted))
+
+
+def test_a_table_of_nothing_and_a_sweep_are_refused(tmp_path):
+    with pytest.raises(InputError, match="holds no runs: leave it out"):
+        load(written(tmp_path, [], manifest()))
+    # a sweep's manifest has none of a comparison's settings, and nothing of it is damaged
+    path = written(tmp_path, rows(), dict.fromkeys(compare_earlier.NOTED, 1))
+    with pytest.raises(InputError) as caught:
+        load(path)
+    assert str(caught.value) == (
+        f"{path.with_suffix('.json')} is no manifest of a comparison: give results.csv of a folder "
+        "of `evenhand compare`, with its manifest beside it"
+    )
+
+
+@pytest.mark.parametrize("name", ["", "nothing.csv"])
+def test_a_folder_and_no_file_are_no_tables(tmp_path, name):
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / name)
+    assert str(caught.value) == (
+        f"{tmp_path / name} is no file: give results.csv of an earlier comparison"
+    )
+
+
+def test_other_versions_are_found_along_all_earlier_comparisons():
+    here = {"python": "3.12", "numpy": "2"}
+    old = {"versions": {"python": "3.11", "numpy": "1"}, "earlier": None}
+    same = {"versions": {"python": "3.11", "numpy": "2"}, "earlier": old}
+    for noted in (old, same):
+        [differs] = compare_earlier.other_versions(compare_earlier.Earlier({}, noted), here)
+        assert differs == 'numpy "1" there and "2" here'
+    same["earlier"] = None
+    assert compare_earlier.other_versions(compare_earlier.Earlier({}, same), here) == []
+    assert compare_earlier.other_versions(None, here) == []
+
+
 def test_a_table_without_manifest_or_of_something_else_is_refused(tmp_path):
     path = written(tmp_path, rows(), manifest())
     path.write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="is no table of a comparison"):
         load(path)
-    path.unlink()
+    path.write_bytes(b"\xff")
     with pytest.raises(InputError, match="cannot be read"):
         load(path)
     path.with_suffix(".json").unlink()

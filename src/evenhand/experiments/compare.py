@@ -7,10 +7,9 @@ are made of all that is finished there.
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Callable
-from dataclasses import asdict, replace
-from datetime import UTC, datetime
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -19,13 +18,15 @@ from typing import Any
 import numpy as np
 
 from evenhand import detector_io, files, people, scenarios
-from evenhand.experiments import compare_earlier, measure
+from evenhand.errors import InputError
+from evenhand.experiments import compare_earlier, compare_manifest, measure, origin
 from evenhand.experiments import compare_tables as tables
 from evenhand.experiments.compare_settings import (
     ARMS,
     NO_ALGORITHM,
     Cell,
     CompareSettings,
+    checked,
     method_of,
     place,
 )
@@ -50,7 +51,7 @@ def compare(
     Args:
         settings: of the comparison.
         stage: shows progress.
-        announce: told once, before anything runs, how much there is to do.
+        announce: told, before anything runs, how much there is to do, and what is odd.
         command: noted in the manifest.
 
     Returns:
@@ -58,7 +59,7 @@ def compare(
 
     Raises:
         InputError: for a strength out of range, or when the folder cannot be written, is in use,
-            or holds another experiment.
+            or holds another experiment, or runs of other versions.
     """
     fixed = {"epochs": settings.epochs, "services": settings.services}
     for cell in settings.cells():
@@ -66,7 +67,9 @@ def compare(
     earlier = None
     if settings.earlier is not None:
         prints = partial(fingerprint_of, epochs=settings.epochs)
-        earlier = compare_earlier.load(settings.earlier, **fixed, prints=prints)
+        earlier = compare_earlier.load(
+            settings.earlier, **fixed, prints=prints, detector=origin.shipped_detector()
+        )
     known = earlier.results if earlier else {}
     cells = [cell for cell in settings.cells() if cell not in known]
     out = files.make_folder(settings.out)
@@ -74,16 +77,20 @@ def compare(
         files.claim_folder(out, "experiment.json", {"experiment": "compare"} | fixed)
         for name in (".", "figures", "runs"):
             files.sweep(files.make_folder(out / name))
+        made = origin.now()
+        _check_origins(out, cells, made, **fixed)
         tasks = [
             Task(
                 str(cell),
                 train_and_test,
-                {"cell": cell, "out": out} | fixed,
+                {"cell": cell, "out": out, "made": made} | fixed,
                 finished=run.finished(cell.folder(out), key_of(cell, **fixed)) is not None,
             )
             for cell in cells
         ]
         announce(_plan(settings, cells, sum(task.finished for task in tasks)))
+        for sentence in _oddities(out, settings, earlier, made):
+            announce(sentence)
         units = sum(_units(cell, **fixed) for cell in cells)
         run_all(tasks, settings.workers, stage("training and test", units))
         tell = stage("tables and report", 1)
@@ -93,7 +100,10 @@ def compare(
         write(out / "results.csv", tables.tidy(results), tables.RESULTS)
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
-        _write_manifest(out, settings, command, found, earlier)
+        compare_manifest.write(
+            out, settings, command, made, found, earlier,
+            {arm: fingerprint_of(arm, settings.epochs) for arm in {c.arm for c in results}},
+        )  # fmt: skip
         # here, since the processes that train need none of the figures
         from evenhand.report import compare_page
 
@@ -143,7 +153,9 @@ def key_of(cell: Cell, epochs: int, services: int) -> str:
     return f"{epochs} epochs, {services} services, settings {training}"
 
 
-def train_and_test(*, tell: Tell, cell: Cell, out: Path, epochs: int, services: int) -> None:
+def train_and_test(
+    *, tell: Tell, cell: Cell, out: Path, made: origin.Origin, epochs: int, services: int
+) -> None:
     """One run in its folder: train, or go on training; then serve people it never saw."""
     folder, key = cell.folder(out), key_of(cell, epochs, services)
     if run.finished(folder, key) is not None:
@@ -152,7 +164,8 @@ def train_and_test(*, tell: Tell, cell: Cell, out: Path, epochs: int, services: 
     set_up_jax()
     began = perf_counter()
     test, steps = learn_and_serve(tell, folder, cell, training_of(cell, epochs), services)
-    run.finish(folder, key, {"test": test, "seconds": round(perf_counter() - began, 1)})
+    seconds = round(perf_counter() - began, 1)
+    run.finish(folder, key, {"test": test, "seconds": seconds} | made | surroundings(cell))
     tell(services, {"physics_steps": steps})
 
 
@@ -223,16 +236,67 @@ def serve_reference(settings: TrainSettings, services: int, seed: int) -> Intera
     )
 
 
+def surroundings(cell: Cell) -> origin.Origin:
+    """What a run depends on beside its settings: what its scenario means, and who judges."""
+    return {
+        "world": origin.world(scenarios.scenario(cell.scenario)),
+        "detector": origin.shipped_detector(),
+    }
+
+
 def finished(out: Path, epochs: int, services: int) -> dict[Cell, dict[str, Any]]:
     """What ``done.json`` says of every finished run in a folder, in order."""
     found = {}
-    for path in (out / "runs").glob("*/*/*/seed-*/done.json"):
-        scenario, algorithm, arm, seed = path.relative_to(out / "runs").parts[:4]
-        cell = Cell(scenario, algorithm, arm, int(seed.removeprefix("seed-")))
-        done = run.finished(path.parent, key_of(cell, epochs, services))
-        if done is not None:
-            found[cell] = done
+    for folder, cell in _folders(out):
+        done = None if cell is None else run.finished(folder, key_of(cell, epochs, services))
+        if cell is not None and done is not None:
+            found.setdefault(checked(cell), done | {"folder": folder})
     return {cell: found[cell] for cell in sorted(found, key=place)}
+
+
+def _folders(out: Path) -> Iterator[tuple[Path, Cell | None]]:
+    """Every folder where a run ended, and its cell; None where its name is that of no run."""
+    for path in sorted((out / "runs").glob("*/*/*/*/done.json")):
+        scenario, algorithm, arm, last = path.relative_to(out / "runs").parts[:4]
+        seed = re.fullmatch(r"seed-(\d+)", last)
+        cell = Cell(scenario, algorithm, arm, int(seed.group(1)) if seed else 0)
+        try:
+            # one joined scenario may have been written in another order
+            known = cell.folder(out) == path.parent and checked(cell).arm == arm
+        except InputError:
+            known = False
+        yield path.parent, cell if known else None
+
+
+def _check_origins(
+    out: Path, cells: Iterable[Cell], made: origin.Origin, epochs: int, services: int
+) -> None:
+    """No run that is there was made by something else than what would make it now.
+
+    Raises:
+        InputError: when one was.
+    """
+    begun = {cell: {"folder": cell.folder(out)} for cell in cells}
+    for cell, done in (begun | finished(out, epochs, services)).items():
+        folder = done["folder"]
+        origin.check(folder, origin.of_run(folder, done), made | surroundings(cell))
+
+
+def _oddities(
+    out: Path,
+    settings: CompareSettings,
+    earlier: compare_earlier.Earlier | None,
+    made: origin.Origin,
+) -> Iterator[str]:
+    """What a user should know before anything runs."""
+    for folder, cell in _folders(out):
+        if cell is None:
+            yield f"{folder} is left out: it has not the name of a run"
+    for differs in compare_earlier.other_versions(earlier, made["versions"]):
+        yield (
+            f"{settings.earlier} was made with other versions ({differs}), and numbers of other "
+            "versions may be others: the report says so"
+        )
 
 
 def _units(cell: Cell, epochs: int, services: int) -> int:
@@ -249,61 +313,3 @@ def _plan(settings: CompareSettings, cells: list[Cell], done: int) -> str:
         f"{settings.services:,} services, {len(cells) - learn:,} of a test alone, "
         f"{settings.workers} at a time; the bar shows how long they take once the first have served"
     )
-
-
-def _write_manifest(
-    out: Path,
-    settings: CompareSettings,
-    command: str,
-    found: dict[Cell, dict[str, Any]],
-    earlier: compare_earlier.Earlier | None,
-) -> None:
-    plain = {n: v for n, v in asdict(settings).items() if n not in ("out", "earlier")}
-    versions = run.versions()
-    cells = sorted({*found, *(earlier.results if earlier else ())}, key=place)
-    seeds = sorted({cell.seed for cell in cells})
-    arms = list(dict.fromkeys(cell.arm for cell in cells))
-    files.write_json(
-        out / "manifest.json",
-        {
-            "version": versions["evenhand"],
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "command": command,
-            "commit": commit(),
-            "settings": {n: list(v) if isinstance(v, tuple) else v for n, v in plain.items()},
-            "versions": versions,
-            "runs": len(found),
-            "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
-            "earlier": earlier.manifest if earlier else None,
-            "scenarios": list(dict.fromkeys(cell.scenario for cell in cells)),
-            "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
-            "arms": arms,
-            "fingerprints": {arm: fingerprint_of(arm, settings.epochs) for arm in arms},
-            "seeds": seeds,
-            "test_seeds": [TEST_SEED + seed for seed in seeds],
-            "people": measure.WINDOW,
-        },
-    )
-
-
-def commit() -> dict[str, Any] | None:
-    """The commit that this code is of, and whether the code was changed since.
-
-    Returns:
-        ``hash`` and ``changed``; None when the code is in no git checkout of its own.
-    """
-    here = Path(__file__).resolve()
-
-    def git(*words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            ["git", "-C", str(here.parent), *words], capture_output=True, text=True, check=False
-        )
-
-    try:
-        if git("ls-files", "--error-unmatch", here.name).returncode:
-            return None  # installed somewhere inside another project
-        head = git("rev-parse", "HEAD").stdout.strip()
-        changed = git("status", "--porcelain", "--", str(here.parents[1])).stdout
-    except OSError:  # no git
-        return None
-    return {"hash": head, "changed": bool(changed.strip())} if head else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -11,13 +12,13 @@ from time import monotonic
 from typing import Any
 
 from evenhand import detector_io, files, report
-from evenhand.experiments import claims, demos, measure, replays, study_tables, tables
+from evenhand.experiments import claims, demos, measure, origin, replays, study_tables, tables
 from evenhand.experiments.pool import Task, Tell, run_all
-from evenhand.experiments.settings import DEMO_SEED, TEST_SEED, ReproduceSettings
+from evenhand.experiments.settings import DEMO_SEED, PRESETS, TEST_SEED, ReproduceSettings
 from evenhand.guidance import SERVICE_KINDS
-from evenhand.learn import run
+from evenhand.learn import checkpoint, run
 from evenhand.learn.runtime import set_up_jax
-from evenhand.learn.settings import settings_of
+from evenhand.learn.settings import TrainSettings, settings_of
 from evenhand.replay.page import read_script
 
 ARMS: dict[str, tuple[str, str]] = {
@@ -59,12 +60,15 @@ def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
         Path of the report.
 
     Raises:
-        InputError: when the folder cannot be written, is in use, or holds another experiment.
+        InputError: when the folder cannot be written, is in use, or holds another experiment, or
+            runs of other versions.
     """
     out = files.make_folder(settings.out)
     read_script()  # what cannot be shown in the end is said before hours of work
     with files.locked(out):
         _claim_folder(out, settings)
+        made = origin.now()
+        _check_origins(out, settings, made)
         for name in (".", "data", "figures", "runs", "data/demonstrations"):
             files.sweep(files.make_folder(out / name))
         clock = out / "data" / "stages.json"
@@ -74,11 +78,12 @@ def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
             study = demos.study(shown, DEMO_SEED)
             detector_io.save(study.detector, out / "data" / "detector.json")
         with _timed(clock, "training and test"):
-            results = _train(out, settings, stage)
+            _train(out, settings, made, stage)
         with _timed(clock, "tables"):
             tell = stage("tables and report", 1)
+            results = finished(out, settings)
             _write_tables(out, shown, study, results)
-        _write_manifest(out, settings, command, files.read_record(clock))
+        _write_manifest(out, settings, command, made, results, files.read_record(clock))
         page = report.build(out, settings.workers)
         tell(1, {})
     return page
@@ -103,7 +108,7 @@ def _claim_folder(out: Path, settings: ReproduceSettings) -> None:
         for name, value in asdict(settings).items()
         if name not in ("out", "workers", "seeds", "preset")
     }
-    files.claim_folder(out, "experiment.json", fixed)
+    origin.claim(out, "experiment.json", fixed)
 
 
 def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.Demos:
@@ -117,82 +122,131 @@ def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demos.
     return demos.load(settings.windows, DEMO_SEED, folder)
 
 
-def _train(out: Path, settings: ReproduceSettings, stage: Stage) -> list[dict[str, Any]]:
-    """Train and test every arm; returns what each run's ``done.json`` says, with its epochs."""
-    tasks, heads = [], []
+def training_of(preset: str, arm: str, seed: int, epochs: int, population: str) -> TrainSettings:
+    """Settings of a run."""
+    algorithm, kind = ARMS[arm]
+    settings = settings_of(preset, algorithm, kind, seed=seed, epochs=epochs, population=population)
+    # the paper's arms stay as printed, and a tenth of their time is saved
+    return replace(settings, reflect=kind in SERVICE_KINDS)
+
+
+def key_of(training: TrainSettings, services: int) -> str:
+    """What a finished run was: under another key it does not count, and is tested again."""
+    prints = checkpoint.fingerprint(run.as_dict(training))
+    return f"{training.epochs} epochs, {services} services, settings {prints}"
+
+
+def _run_of(settings: ReproduceSettings, preset: str, arm: str, seed: int) -> tuple[Path, str]:
+    """Folder and key of a run."""
+    training = training_of(preset, arm, seed, settings.epochs, settings.population)
+    folder = settings.out / "runs" / preset / arm / f"seed-{seed:02d}"
+    return folder, key_of(training, settings.services)
+
+
+def _seeds_there(out: Path, preset: str) -> list[int]:
+    """Seeds of a preset that any arm has a folder of, in order."""
+    found = (re.fullmatch(r"seed-(\d+)", path.name) for path in (out / "runs" / preset).glob("*/*"))
+    return sorted({int(match.group(1)) for match in found if match})
+
+
+def finished(out: Path, settings: ReproduceSettings) -> list[dict[str, Any]]:
+    """Every run in a folder that has ended, of whichever call, in order.
+
+    A seed counts once all arms of its preset have it: without and with guidance are paired.
+
+    Returns:
+        preset, arm, seed and folder of each, and what its ``done.json`` says.
+    """
+    found = []
+    for preset in PRESETS:
+        whole = []
+        for seed in _seeds_there(out, preset):
+            for arm in arms_of(preset):
+                folder, key = _run_of(settings, preset, arm, seed)
+                head = {"preset": preset, "arm": arm, "seed": seed, "folder": folder}
+                whole.append((head, run.finished(folder, key)))
+        lacking = {head["seed"] for head, done in whole if done is None}
+        found += [head | done for head, done in whole if done and head["seed"] not in lacking]
+    order = {name: i for i, name in enumerate(ARMS)}
+    return sorted(found, key=lambda r: (r["preset"], order[r["arm"]], r["seed"]))
+
+
+def _check_origins(out: Path, settings: ReproduceSettings, made: origin.Origin) -> None:
+    """No run that is there was made by other versions.
+
+    Raises:
+        InputError: when one was.
+    """
+    for preset in PRESETS:
+        for seed in _seeds_there(out, preset):
+            for arm in arms_of(preset):
+                folder, key = _run_of(settings, preset, arm, seed)
+                done = run.finished(folder, key) or {}
+                origin.check(folder, origin.of_run(folder, done), made)
+
+
+def _train(out: Path, settings: ReproduceSettings, made: origin.Origin, stage: Stage) -> None:
+    """Train and test every arm."""
+    tasks = []
     # PPO takes longest: begin with it, so that no process is left alone with it at the end
     for preset in sorted(settings.preset, reverse=True):
         for arm in reversed(arms_of(preset)):
             for seed in range(settings.seeds):
-                head = {"preset": preset, "arm": arm, "seed": seed}
-                folder = out / "runs" / preset / arm / f"seed-{seed:02d}"
-                key = f"{settings.epochs} epochs, {settings.services} services"
-                heads.append(head)
+                folder, key = _run_of(settings, preset, arm, seed)
                 tasks.append(
                     Task(
                         f"{preset}, {arm}, seed {seed}",
                         train_and_test,
                         {
                             "folder": folder,
-                            "key": key,
+                            "made": made,
                             "detector": out / "data" / "detector.json",
-                            "epochs": settings.epochs,
-                            "population": settings.population,
+                            "training": training_of(
+                                preset, arm, seed, settings.epochs, settings.population
+                            ),
                             "services": settings.services,
                             "page": replays.page_of(out, preset, arm, seed),
-                            **head,
                         },
                         finished=run.finished(folder, key) is not None,
                     )
                 )
     units = len(tasks) * (settings.epochs * measure.WINDOW + settings.services)
     beside = study_tables.task(out / "data", settings.windows, DEMO_SEED)
-    *results, _ = run_all([*tasks, beside], settings.workers, stage("training and test", units))
-    order = {name: i for i, name in enumerate(ARMS)}
-    found = [head | result for head, result in zip(heads, results, strict=True)]
-    return sorted(found, key=lambda r: (r["preset"], order[r["arm"]], r["seed"]))
+    run_all([*tasks, beside], settings.workers, stage("training and test", units))
 
 
 def train_and_test(
     *,
     tell: Tell,
     folder: Path,
-    key: str,
+    made: origin.Origin,
     detector: Path,
-    preset: str,
-    arm: str,
-    seed: int,
-    epochs: int,
-    population: str,
+    training: TrainSettings,
     services: int,
     page: Path | None,
-) -> dict[str, Any]:
+) -> None:
     """One run in its folder: train, or go on training; then serve people it never saw."""
-    done = run.finished(folder, key)
-    if done is not None:
-        tell(epochs * measure.WINDOW + services, {"physics_steps": 0})
-        return {"test": done["test"], "folder": str(folder)}
+    key = key_of(training, services)
+    if run.finished(folder, key) is not None:
+        tell(training.epochs * measure.WINDOW + services, {"physics_steps": 0})
+        return
     set_up_jax()
-    algorithm, kind = ARMS[arm]
-    settings = settings_of(preset, algorithm, kind, seed=seed, epochs=epochs, population=population)
-    # the paper's arms stay as printed, and a tenth of their time is saved
-    settings = replace(settings, reflect=kind in SERVICE_KINDS)
     state = run.execute(
         folder,
-        settings,
+        training,
         detector_io.load(detector),
         progress=lambda numbers: tell(
             numbers["services"], {"physics_steps": numbers["physics_steps"]}
         ),
         recorded=True,
     )
-    table = measure.serve_policy(state, settings, services, TEST_SEED + seed)
-    test = measure.summary(table, TEST_SEED + seed)
+    seed = TEST_SEED + training.seed
+    table = measure.serve_policy(state, training, services, seed)
+    test = measure.summary(table, seed)
     if page is not None:
         replays.write(folder, page)
-    run.finish(folder, key, {"test": test})
+    run.finish(folder, key, {"test": test} | made)
     tell(services, {"physics_steps": int(table.fact("steps").sum())})
-    return {"test": test, "folder": str(folder)}
 
 
 def _write_tables(
@@ -237,20 +291,34 @@ def _reflection_settings(folder: Path) -> dict[str, Any]:
 
 
 def _write_manifest(
-    out: Path, settings: ReproduceSettings, command: str, clock: dict[str, float]
+    out: Path,
+    settings: ReproduceSettings,
+    command: str,
+    made: origin.Origin,
+    results: Sequence[dict[str, Any]],
+    clock: dict[str, float],
 ) -> None:
     plain = {name: value for name, value in asdict(settings).items() if name != "out"}
-    versions = run.versions()
+    seeds_of = {
+        preset: sorted({result["seed"] for result in results if result["preset"] == preset})
+        for preset in dict.fromkeys(result["preset"] for result in results)
+    }
+    seeds = sorted({result["seed"] for result in results})
+    origins = [origin.of_run(result["folder"], result) for result in results]
     files.write_json(
         out / "manifest.json",
         {
-            "version": versions["evenhand"],
+            "version": made["versions"]["evenhand"],
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "command": command,
-            "settings": plain | {"preset": list(settings.preset)},
-            "versions": versions,
-            "seeds": list(range(settings.seeds)),
-            "test_seeds": [TEST_SEED + seed for seed in range(settings.seeds)],
+            "commit": made["commit"],
+            # of everything in the folder, whichever call added it
+            "settings": plain | {"preset": list(seeds_of), "seeds": len(seeds)},
+            "versions": made["versions"],
+            "made_with": origin.distinct(origins),
+            "seeds": seeds,
+            "seeds_of": seeds_of,
+            "test_seeds": [TEST_SEED + seed for seed in seeds],
             "demonstration_seed": DEMO_SEED,
             "eval_services": settings.services,
             "epochs": settings.epochs,

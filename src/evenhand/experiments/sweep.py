@@ -16,11 +16,10 @@ from typing import Any, Protocol
 
 from evenhand import files
 from evenhand.errors import InputError
-from evenhand.experiments import pool, sweep_report, sweep_runs
+from evenhand.experiments import origin, pool, sweep_report, sweep_runs
 from evenhand.experiments.pool import Event, Outcome, Task
 from evenhand.experiments.settings import CORES
 from evenhand.experiments.sweep_settings import Job, Sweep
-from evenhand.learn import run
 
 _NOTE = "experiment.json"
 
@@ -90,7 +89,8 @@ def sweep(
         What became of every run, in order.
 
     Raises:
-        InputError: when the folder cannot be written, is in use, or holds something else.
+        InputError: when the folder cannot be written, is in use, or holds something else, or what
+            was made with other versions.
     """
     began = perf_counter()
     workers = (cluster.cores if cluster else CORES) if workers is None else workers
@@ -98,8 +98,7 @@ def sweep(
         raise InputError(f"workers is {workers}: give at least 1")
     files.make_folder(out)
     with files.locked(out):
-        _check_versions(out)
-        files.claim_folder(out, _NOTE, {"experiment": "sweep", "versions": _versions()})
+        origin.claim(out, _NOTE, {"experiment": "sweep"})
         files.sweep(out)
         files.write_text(out / "sweep.toml", plan.text)
         before = [sweep_runs.finished(job, out / job.path) is not None for job in plan.jobs]
@@ -113,24 +112,6 @@ def sweep(
         lines = [_line(job, out, ended.get(job)) for job in plan.jobs]
         sweep_report.write_all(out, lines, command, workers, perf_counter() - began)
     return lines
-
-
-def _versions() -> dict[str, str]:
-    """Of what decides results, but for Python itself."""
-    return {name: number for name, number in run.versions().items() if name != "python"}
-
-
-def _check_versions(out: Path) -> None:
-    """Numbers of other versions may be others, and are not mixed with ours."""
-    if not (out / _NOTE).exists():
-        return
-    noted = files.read_record(out / _NOTE)
-    differs = files.differences(noted.get("versions", {}), _versions())
-    if noted.get("experiment") == "sweep" and differs:
-        raise InputError(
-            f"{out} was begun with other versions ({differs}): install those, or begin anew in "
-            "another folder"
-        )
 
 
 def tasks(jobs: Sequence[Job], out: Path) -> list[Task]:

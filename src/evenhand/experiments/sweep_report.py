@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenhand import files
-from evenhand.experiments import compare, compare_tables
+from evenhand.experiments import compare_tables, origin
 from evenhand.experiments.compare_settings import place
 from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.experiments.settings import TEST_SEED
@@ -107,7 +107,7 @@ def _circumstances(command: str) -> dict[str, Any]:
         "version": versions["evenhand"],
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": command,
-        "commit": compare.commit(),
+        "commit": origin.commit(),
         "versions": versions,
     }
 

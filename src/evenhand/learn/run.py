@@ -44,6 +44,11 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in names}
 
 
+def other_versions(then: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs between versions but for Python itself; empty if nothing does."""
+    return files.differences(then | {"python": ""}, here | {"python": ""})
+
+
 def as_dict(settings: Any) -> dict[str, Any]:
     """Settings as JSON holds them."""
     return json.loads(json.dumps(dataclasses.asdict(settings)))
@@ -73,10 +78,10 @@ def execute(
         The trained learner.
 
     Raises:
-        InputError: when the detector cannot judge services here, or the folder cannot be written,
-            is in use, holds another run, or a file of it is missing or damaged.
+        InputError: when the detector judges something else, or the folder cannot be written, is in
+            use, holds another run, or a file of it is missing or damaged.
     """
-    train.check_detector(detector)  # before there is a folder
+    train.check_detector(detector)
     root = files.make_folder(folder)
     with files.locked(root):
         files.sweep(root)
@@ -263,7 +268,7 @@ def _resume(
     else:
         state = train.begin(settings)
     if 0 < first < settings.epochs:
-        _check_versions(root)
+        check_versions(root, files.read_record(root / "settings.json", "versions")["versions"])
     log = root / "epochs.jsonl"
     kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
     if len(_checked(log, kept)) < first:
@@ -292,13 +297,15 @@ def _resume(
     return state, rng, first, past
 
 
-def _check_versions(root: Path) -> None:
-    """Another version may calculate otherwise, and a run goes on bit for bit or not at all."""
-    noted = files.read_record(root / "settings.json", "versions")["versions"]
-    differs = files.differences(noted | {"python": ""}, versions() | {"python": ""})
-    if differs:
+def check_versions(where: Path, then: dict[str, Any]) -> None:
+    """Another version may calculate otherwise, and a run goes on bit for bit or not at all.
+
+    Raises:
+        InputError: when the versions noted there differ from those of now.
+    """
+    if differs := other_versions(then, versions()):
         raise InputError(
-            f"{root} was begun with other versions ({differs}): install those, or begin anew in "
+            f"{where} was begun with other versions ({differs}): install those, or begin anew in "
             "another folder"
         )
 
@@ -325,9 +332,8 @@ def _keep(
     prints: dict[str, str],
 ) -> None:
     """Everything since the last checkpoint, and the checkpoint last of all."""
-    first = epoch - len(services)
     Interactions.concat(services).write_parquet(
-        root / "services" / f"{first:06d}-{epoch:06d}.parquet"
+        root / "services" / f"{epoch - len(services):06d}-{epoch:06d}.parquet"
     )
     files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))
     checkpoint.save(

@@ -5,12 +5,14 @@ Every sentence about this comparison is composed from its numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isnan
+from typing import Any
 
 import numpy as np
 
+from evenhand import files
 from evenhand.report.compare_aims import SIX
 from evenhand.report.compare_data import NO_ALGORITHM, Comparison, arm_label
 from evenhand.report.compare_verdicts import algorithm_label, interval
@@ -149,6 +151,31 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
             f"Some runs were taken from a comparison of {earlier.get('created', NOT_DEFINED)}, "
             f"version {earlier.get('version', NOT_DEFINED)}.",
         )
+    yield from _origins(c)
+
+
+def _origins(c: Comparison) -> Iterator[tuple[str, str]]:
+    """Versions and commits, where runs were not all made with the same."""
+    noted: Any = c.manifest
+    versions, commits = [], []
+    while isinstance(noted, Mapping):  # an earlier comparison may have had an earlier one
+        for one in noted.get("made_with", [noted]):
+            versions.append(one.get("versions"))
+            commits.append((one.get("commit") or {}).get("hash"))
+        versions.append(noted.get("versions"))
+        noted = noted.get("earlier")
+    here = c.manifest["versions"] | {"python": ""}
+    others = [files.differences(v | {"python": ""}, here) for v in versions if isinstance(v, dict)]
+    for differs in dict.fromkeys(filter(None, others)):
+        yield (
+            "Other versions.",
+            f"Earlier runs were made with other versions than the last call ({differs}). Numbers "
+            "of other versions may be others.",
+        )
+    known = [commit[:10] for commit in dict.fromkeys(commits) if commit]
+    if len(known) > 1:
+        more = " Some runs do not say of which." if None in commits else ""
+        yield "Several commits.", f"Runs were made by the code of {', '.join(known)}.{more}"
 
 
 def _seeds(c: Comparison) -> Iterator[tuple[str, str]]:

@@ -100,8 +100,17 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
         stages=[(name, f"{seconds:,.1f} s") for name, seconds in manifest["stages"].items()],
         elapsed=duration(manifest["elapsed_s"]),
         seeds=", ".join(str(seed) for seed in manifest["seeds"]),
+        many_seeds=_many_seeds(manifest),
         replays=manifest.get("replays", ()),  # a folder from before there were any has none
     )
+
+
+def _many_seeds(manifest: Mapping[str, Any]) -> str:
+    """How many seeds an arm has; by preset where they differ."""
+    counts = {preset: len(seeds) for preset, seeds in manifest.get("seeds_of", {}).items()}
+    if len(set(counts.values())) < 2:
+        return str(len(manifest["seeds"]))
+    return ", ".join(f"{count} ({preset})" for preset, count in counts.items())
 
 
 def fill(template: str, **context: Any) -> str:
