@@ -26,7 +26,8 @@ class Compare:
     fronts.csv evenness against service.
 
     Stop it with Ctrl-C whenever you like: the same command goes on where it was. More seeds, arms
-    or scenarios can be added to the same folder later. A run takes 1 to 2 MB.
+    or scenarios can be added to the same folder later, with the same versions of Evenhand and its
+    libraries. A run takes 1 to 2 MB.
 
     A small one: evenhand compare --seeds 2 --scenarios perception tips --arms reference service
     levelup

@@ -21,7 +21,8 @@ class Reproduce:
     the report sets what came out beside what the paper printed.
 
     Stop it with Ctrl-C whenever you like: the same command goes on where it was. More seeds or
-    another preset can be added to the same folder later.
+    another preset can be added to the same folder later, with the same versions of Evenhand and
+    its libraries; what is there stays.
 
     A quick look, about a minute: evenhand reproduce --seeds 2 --epochs 40 --windows 200
     """

@@ -173,8 +173,8 @@ def _origins(c: Comparison) -> Iterator[tuple[str, str]]:
             "of other versions may be others.",
         )
     known = [commit[:10] for commit in dict.fromkeys(commits) if commit]
-    if len(known) > 1:
-        more = " Some runs do not say of which." if None in commits else ""
+    if len(set(commits)) > 1:
+        more = " Of some runs it is not known." if None in commits else ""
         yield "Several commits.", f"Runs were made by the code of {', '.join(known)}.{more}"
 
 

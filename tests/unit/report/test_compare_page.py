@@ -219,6 +219,10 @@ def test_few_and_unequal_seeds_are_said(tmp_path: Path) -> None:
     assert said["Short tests."].startswith("600 services a run")
     assert "changed since the commit" in said["Code."]
     assert "a comparison of then, version 0" in said["Earlier runs."]
+    assert said["Several commits."] == (
+        "Runs were made by the code of ababababab. Of some runs it is not known."
+    )
+    assert "Other versions." not in said
 
 
 def test_missing_numbers_stay_missing(tmp_path: Path) -> None:
