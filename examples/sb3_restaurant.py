@@ -25,7 +25,6 @@ from evenhand.adapters import JudgeSettings, JudgeVectorServices, Ledger
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.adapters.sb3 import EvennessCallback, restaurant
-from evenhand.adapters.updates import Examined
 from evenhand.guidance import guided
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
@@ -74,7 +73,7 @@ def main(folder: Path, algorithm: str, rollouts: int, services: int, seed: int) 
     runs, tests, updates = {}, {}, {}
     for name, guidance in (("service alone", "none"), ("with level-up", "levelup")):
         model, callback = learn(algorithm, guidance, rollouts, seed)
-        runs[name], updates[name] = callback.ledger, Examined(callback.reflections)
+        runs[name], updates[name] = callback.ledger, callback.examined
         tests[name] = test(model, services, 1_000_000 + seed)
     return write(
         folder,

@@ -86,17 +86,24 @@ class Queue:
 
         Args:
             lane: of each episode, int [m].
-            rank: how many of the others were in the same lane before it, [m]; below ``BLOCK``.
+            rank: how many of the others were in the same lane before it, [m].
 
         Returns:
             Codes, int64 [m, D].
         """
-        served = self._codes[lane, self._place[lane] + rank]
-        self._place += np.bincount(lane, minlength=len(self._place))
-        for used in np.flatnonzero(self._place >= BLOCK).tolist():
-            self._codes[used, :BLOCK] = self._codes[used, BLOCK:]
-            self._codes[used, BLOCK:] = self._draw(used)
-            self._place[used] -= BLOCK
+        served = np.empty((len(lane), self._codes.shape[2]), np.int64)
+        before = np.zeros(len(self._place), np.int64)
+        for first in range(0, len(lane), BLOCK):  # so many at most are drawn ahead
+            part = slice(first, first + BLOCK)
+            of = lane[part]
+            served[part] = self._codes[of, self._place[of] + rank[part] - before[of]]
+            times = np.bincount(of, minlength=len(before))
+            before += times
+            self._place += times
+            for used in np.flatnonzero(self._place >= BLOCK).tolist():
+                self._codes[used, :BLOCK] = self._codes[used, BLOCK:]
+                self._codes[used, BLOCK:] = self._draw(used)
+                self._place[used] -= BLOCK
         return served
 
     def _draw(self, lane: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from evenhand.errors import InputError
 from evenhand.reflection import Reflection, ReflectionSettings
@@ -26,7 +26,7 @@ class Examined:
     """
 
     updates: Sequence[Reflection]
-    settings: ReflectionSettings = field(default_factory=ReflectionSettings)
+    settings: ReflectionSettings
 
 
 def updates_table(runs: Mapping[str, Examined]) -> Table:

@@ -43,3 +43,19 @@ def test_every_lane_serves_its_own_stream_in_order(monkeypatch):
     for one in (0, 1):
         assert served[one] == expected[one][: len(served[one])].tolist()
     assert len(served[0]) > 12  # more than are drawn at first
+
+
+def test_more_at_once_than_are_drawn_at_a_time(monkeypatch):
+    monkeypatch.setattr(people, "BLOCK", 4)
+    draw = invented(SCHEME)
+    streams = np.random.default_rng(7).spawn(2)
+    expected = [np.concatenate([draw(4, one) for _ in range(8)]) for one in streams]
+    queue = Queue(draw, np.random.default_rng(7), 2, SCHEME)
+    served = [[], []]
+    for lanes in ([0, 1, 0, 0, 0, 0, 0, 0, 1, 0, 0], [1, 0, 1], [1] * 9 + [0] * 9):
+        rank = np.array([lanes[:i].count(one) for i, one in enumerate(lanes)])
+        for one, codes in zip(lanes, queue.serve(np.array(lanes), rank), strict=True):
+            served[one].append(codes.tolist())
+    for one in (0, 1):
+        assert served[one] == expected[one][: len(served[one])].tolist()
+        assert queue.now()[one].tolist() == expected[one][len(served[one])].tolist()

@@ -41,4 +41,4 @@ def test_the_caption_counts_alarms_beside_what_chance_gives():
 
 def test_no_update():
     with pytest.raises(InputError, match="no update was examined"):
-        updates_table({"a": Examined([])})
+        updates_table({"a": Examined([], SETTINGS)})

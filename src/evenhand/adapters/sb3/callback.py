@@ -4,14 +4,14 @@ A rollout is what an epoch is in the paper: when it is over, its services are sc
 each is paid by its own window where that is over too (else by the one before), advantages are
 computed anew, and the update follows. When the next rollout begins, the update is examined along
 the bias gradient of the services that ended in this one. Of a service that began in the rollout
-before, the decisions of this rollout count.
+before, the decisions of this rollout count. A service whose beginning was not seen is left out.
 """
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,10 +21,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from evenhand import credit, reflection
-from evenhand.adapters.ended import FactsOf, Info
+from evenhand.adapters.ended import FactsOf, Info, kept, together
 from evenhand.adapters.judging import Judging
 from evenhand.adapters.ledger import Ledger
-from evenhand.adapters.people import BLOCK, Sampler
+from evenhand.adapters.people import Sampler
 from evenhand.adapters.sb3.gradients import Weights, examine, weights_of
 from evenhand.adapters.shaping import JudgeSettings
 from evenhand.detector import Detector
@@ -32,6 +32,9 @@ from evenhand.errors import InputError
 from evenhand.issues import count, scores_of
 from evenhand.reflection import Directions, Reflection, ReflectionSettings
 from evenhand.schemes import Scheme
+
+if TYPE_CHECKING:
+    from evenhand.adapters.updates import Examined
 
 _REFLECT = ReflectionSettings()
 
@@ -109,13 +112,27 @@ class EvennessCallback(BaseCallback):
         if reflect is not None:
             self._past = reflection.Past.empty(len(scheme.identities), len(scheme.issues), reflect)
         self._lanes = 0
-        self._ends: list[_End] = []
+        self._ends: list[_End] | None = None
+        self._left: Any = None
         self._pending: _Rollout | None = None
 
     @property
     def ledger(self) -> Ledger:
         """All services that have ended, with verdicts, rows and what was paid."""
         return self._judging.ledger
+
+    @property
+    def examined(self) -> Examined:
+        """The updates with the settings by which they were examined, for ``page.write``.
+
+        Raises:
+            InputError: when the callback was told to examine none.
+        """
+        from evenhand.adapters.updates import Examined  # brings Matplotlib
+
+        if self._reflect is None:
+            raise InputError("the callback examines no update: leave reflect as it is")
+        return Examined(self.reflections, self._reflect)
 
     def _init_callback(self) -> None:
         if not isinstance(self.model, OnPolicyAlgorithm):
@@ -138,44 +155,58 @@ class EvennessCallback(BaseCallback):
                 f"the callback has watched {self._lanes} environments and is given {lanes}: make a "
                 "new callback, or keep the number"
             )
-        if not self._lanes or self.locals["reset_num_timesteps"]:
-            # whatever was going on was cut short by the reset
+        model: Any = self.model
+        if self.locals["reset_num_timesteps"] or model._last_obs is not self._left:
+            # the environments were reset, or have gone on unseen
             self._total, self._steps = np.zeros(lanes), np.zeros(lanes, np.int64)
-            self._first = list(self.training_env.unwrapped.reset_infos)
+            self._seen = model._last_episode_starts.astype(bool)
+            self._first = [kept(info) for info in self.training_env.unwrapped.reset_infos]
         self._lanes = lanes
+        self._ends = None
+        self._norm = model.get_vec_normalize_env()
 
     def _on_rollout_start(self) -> None:
         self._look_back()
         self._ends = []
 
     def _on_step(self) -> bool:
-        self._total += self.locals["rewards"]
+        if self._ends is None:
+            raise InputError(
+                "the callback is told of steps and of no rollout, as inside EveryNTimesteps: give "
+                "it to learn itself, or in a list of callbacks"
+            )
+        norm = self._norm
+        self._total += self.locals["rewards"] if norm is None else norm.get_original_reward()
         self._steps += 1
         dones, infos = self.locals["dones"], self.locals["infos"]
         begun = self.training_env.unwrapped.reset_infos
         for lane in np.flatnonzero(dones).tolist():
-            info = infos[lane]
-            self._ends.append(
-                _End(
-                    self.locals["n_steps"],
-                    lane,
-                    float(self._total[lane]),
-                    int(self._steps[lane]),
-                    bool(info.get("TimeLimit.truncated", False)),
-                    info.get("terminal_observation"),
-                    info,
-                    self._first[lane],
-                )
-            )
-            self._first[lane] = begun[lane]
-            self._total[lane], self._steps[lane] = 0.0, 0
+            if self._seen[lane]:
+                self._ends.append(self._end(lane, kept(infos[lane])))
+            self._first[lane] = kept(begun[lane])
+            self._total[lane], self._steps[lane], self._seen[lane] = 0.0, 0, True
         return True
+
+    def _end(self, lane: int, info: dict[str, Any]) -> _End:
+        observation = info.get("terminal_observation")
+        if self._norm is not None and observation is not None:
+            observation = info["terminal_observation"] = self._norm.unnormalize_obs(observation)
+        return _End(
+            self.locals["n_steps"],
+            lane,
+            float(self._total[lane]),
+            int(self._steps[lane]),
+            bool(info.get("TimeLimit.truncated", False)),
+            observation,
+            info,
+            self._first[lane],
+        )
 
     def _on_rollout_end(self) -> None:
         if not self._ends:
             return
         first = len(self.ledger)
-        paid = self._write()
+        paid = self._judging.write(*_columns(self._ends), afterwards=True)
         model: Any = self.model
         buffer = model.rollout_buffer
         if paid.any():
@@ -198,28 +229,14 @@ class EvennessCallback(BaseCallback):
                 # the buffer changes its dict while it is learned from, but not the arrays
                 dict(seen) if isinstance(seen, dict) else seen,
                 buffer.actions,
-                self._services(buffer.rewards.shape),
+                _services(self._ends, buffer.rewards.shape),
                 Directions.of(influence, scheme.groups, scheme.issue_names, self._tau),
             )
 
     def _on_training_end(self) -> None:
         self._look_back()
-
-    def _write(self) -> np.ndarray:
-        """Write down what has ended in the rollout; what evenness pays for each, [m]."""
-        paid = [
-            self._judging.write(*_columns(self._ends[first : first + BLOCK]), afterwards=True)
-            for first in range(0, len(self._ends), BLOCK)
-        ]
-        return np.concatenate(paid)
-
-    def _services(self, shape: tuple[int, int]) -> np.ndarray:
-        """Which of the services that have ended each decision belongs to, -1 for none, [T, n]."""
-        service, begun = np.full(shape, -1), np.zeros(shape[1], np.int64)
-        for number, end in enumerate(self._ends):
-            service[begun[end.lane] : end.step + 1, end.lane] = number
-            begun[end.lane] = end.step + 1
-        return service
+        model: Any = self.model
+        self._left = model._last_obs
 
     def _look_back(self) -> None:
         """Examine the update that was made since the last rollout."""
@@ -252,10 +269,10 @@ class EvennessCallback(BaseCallback):
 def _columns(ends: list[_End]) -> tuple[Any, ...]:
     """Fields of ``Judging.write``."""
     lane = np.array([end.lane for end in ends], np.int64)
-    rank = np.array([int((lane[:i] == one).sum()) for i, one in enumerate(lane)], np.int64)
+    order = np.argsort(lane, kind="stable")
+    rank = np.empty_like(lane)
+    rank[order] = np.arange(len(lane)) - np.searchsorted(lane[order], lane[order])
     truncated = np.array([end.truncated for end in ends], bool)
-    seen = [end.observation for end in ends]
-    plain = all(isinstance(one, np.ndarray | np.number) for one in seen)
     return (
         lane,
         rank,
@@ -263,9 +280,18 @@ def _columns(ends: list[_End]) -> tuple[Any, ...]:
         np.array([end.steps for end in ends], np.int64),
         ~truncated,
         truncated,
-        np.array(seen) if plain else seen,
+        together([end.observation for end in ends]),
         [(end.info, end.first, -1) for end in ends],
     )
+
+
+def _services(ends: list[_End], shape: tuple[int, int]) -> np.ndarray:
+    """Which of the services that have ended each decision belongs to, -1 for none, [T, n]."""
+    service = np.full(shape, -1)
+    for number, end in enumerate(ends):
+        stop = end.step + 1
+        service[max(0, stop - end.steps) : stop, end.lane] = number
+    return service
 
 
 def _flat(values: np.ndarray, policy: Any) -> torch.Tensor:
