@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from evenhand.errors import InputError
 from evenhand.restaurant.env import RestaurantEnv
@@ -148,8 +149,48 @@ def test_another_way_to_reset_is_refused(mode, said):
         ServiceVecEnv(RestaurantVectorEnv(LANES, mode))
 
 
-def test_an_environment_that_does_not_say_how_it_resets_is_refused():
+@pytest.mark.parametrize(
+    ("metadata", "said"),
+    [
+        ({}, "does not say how it resets: set metadata"),
+        ({"autoreset_mode": "NextStep"}, "resets NextStep, and .* AutoresetMode.SAME_STEP$"),
+        ({"autoreset_mode": "same step"}, "unknown autoreset mode 'same step': did you mean 'Sam"),
+    ],
+)
+def test_environments_that_do_not_say_so_are_refused(metadata, said):
     env = RestaurantVectorEnv(LANES, AutoresetMode.SAME_STEP)
-    env.metadata = {}
-    with pytest.raises(InputError, match="does not say how it resets"):
+    env.metadata = metadata
+    with pytest.raises(InputError, match=said):
         ServiceVecEnv(env)
+    env.metadata = {"autoreset_mode": "SameStep"}
+    assert ServiceVecEnv(env).num_envs == LANES
+
+
+def test_statistics_of_gymnasium_stand_with_the_episode_that_ended():
+    inner = SyncVectorEnv([Toy] * LANES, autoreset_mode=AutoresetMode.SAME_STEP)
+    env = ServiceVecEnv(RecordEpisodeStatistics(inner))
+    env.reset()
+    total, ends = np.zeros(LANES), 0
+    for _ in range(40):
+        _, rewards, dones, infos = env.step(np.zeros(LANES, int))
+        total += rewards
+        for info, begun, over, paid in zip(infos, env.reset_infos, dones, total, strict=True):
+            assert ("episode" in info) == over
+            assert "episode" not in begun
+            if over:
+                assert info["episode"]["r"] == pytest.approx(paid, abs=1e-5)
+        ends += dones.sum()
+        total[dones] = 0.0
+    assert ends > 20
+
+
+def test_what_was_seen_is_not_written_over():
+    envs = (
+        ServiceVecEnv(SyncVectorEnv([Toy], copy=copy, autoreset_mode=AutoresetMode.SAME_STEP))
+        for copy in (False, True)
+    )
+    found: list[list[Any]] = []
+    for env in envs:
+        env.seed(3)
+        found.append([env.reset(), *(env.step(np.zeros(1, int))[0] for _ in range(9))])
+    np.testing.assert_array_equal(found[0], found[1])

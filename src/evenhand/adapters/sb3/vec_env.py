@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from evenhand.adapters.ended import FINAL_INFO, FINAL_OBS, of_lane
+from evenhand.adapters.autoreset import mode_of, parted, statistics_of
+from evenhand.adapters.ended import FINAL_OBS, of_lane
 from evenhand.errors import InputError
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
@@ -48,16 +50,16 @@ class ServiceVecEnv(VecEnv):
             env: one that resets in the step in which an episode ends.
 
         Raises:
-            InputError: for another autoreset mode.
+            InputError: for another autoreset mode, or where the metadata do not say it.
         """
-        mode = env.metadata.get("autoreset_mode")
-        if mode is None or AutoresetMode(mode) is not AutoresetMode.SAME_STEP:
-            said = "does not say how it resets" if mode is None else f"resets {mode.value}"
+        mode = mode_of(env)
+        if mode is not AutoresetMode.SAME_STEP:
             raise InputError(
-                f"{env} {said}, and Stable-Baselines3 wants the first observation of the next "
-                "episode in the step that ends one: make it with AutoresetMode.SAME_STEP"
+                f"{env} resets {mode.value}, and Stable-Baselines3 wants the first observation of "
+                "the next episode in the step that ends one: make it with AutoresetMode.SAME_STEP"
             )
         self.env = env
+        self._statistics = statistics_of(env)
         self._actions: np.ndarray | None = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
@@ -66,10 +68,10 @@ class ServiceVecEnv(VecEnv):
         options = next((one for one in self._options if one), None)
         seeds: Any = None if all(one is None for one in self._seeds) else list(self._seeds)
         observations, infos = self.env.reset(seed=seeds, options=options)
-        self.reset_infos = [_own(infos, lane) for lane in range(self.num_envs)]
+        self.reset_infos = [of_lane(infos, lane) for lane in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
-        return observations
+        return deepcopy(observations)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for ``step_wait``."""
@@ -79,15 +81,17 @@ class ServiceVecEnv(VecEnv):
         """One step everywhere."""
         observations, rewards, terminated, truncated, told = self.env.step(self._actions)
         ended = terminated | truncated
-        own = [_own(told, lane) if told else {} for lane in range(self.num_envs)]
-        final, seen = told.get(FINAL_INFO, {}), told.get(FINAL_OBS, {})
+        final, begun = parted(told, self._statistics)
+        own = [of_lane(begun, lane) if begun else {} for lane in range(self.num_envs)]
+        seen = told.get(FINAL_OBS, {})
         for lane in np.flatnonzero(ended).tolist():
             # what a lane says in this step is of the episode that begins
             self.reset_infos[lane] = own[lane]
             own[lane] = of_lane(final, lane)
             own[lane]["terminal_observation"] = seen[lane]
             own[lane]["TimeLimit.truncated"] = bool(truncated[lane] and not terminated[lane])
-        return observations, rewards.astype(np.float32), ended, own
+        # learners keep what they saw over the next step, in which it may be written over
+        return deepcopy(observations), rewards.astype(np.float32), ended, own
 
     def close(self) -> None:
         """Close the vector environment."""
@@ -134,9 +138,3 @@ class ServiceVecEnv(VecEnv):
                 f"{what} for environments {indices}: they are one vector environment, so call it "
                 "for all of them"
             )
-
-
-def _own(told: dict[str, Any], lane: int) -> dict[str, Any]:
-    """What a vector environment says of one lane, without what it says of an end."""
-    found = of_lane(told, lane)
-    return {name: value for name, value in found.items() if name not in (FINAL_INFO, FINAL_OBS)}
