@@ -1,6 +1,7 @@
 """The report of judged environments: windows as they went by, and verdicts on all services.
 
-Takes ledgers, gives ``services/*.parquet``, ``figures/*`` and ``report.html`` in one folder. The
+Takes ledgers, gives ``services/*.parquet``, ``figures/*`` and ``report.html`` in one folder. Files
+of services have the names of runs in small letters, numbered where two would have the same. The
 page needs no network, no script and no other file.
 """
 
@@ -10,6 +11,7 @@ import dataclasses
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -71,9 +73,10 @@ def write(
             cannot be written.
     """
     judged = {f"{name}, tested": ledger for name, ledger in tests.items()} if tests else runs
+    everything = [*runs.items(), *(judged.items() if tests else ())]
     if not runs:
         raise InputError("there is no run to report: give at least one")
-    for name, ledger in {**runs, **judged}.items():
+    for name, ledger in everything:
         first = next(iter(runs.values())).scheme
         if (ledger.scheme.groups, ledger.scheme.issue_names) != (first.groups, first.issue_names):
             raise InputError(f"run {name!r} is of another scheme than the first: report it apart")
@@ -99,8 +102,8 @@ def write(
     root = files.make_folder(folder)
     figures.write(files.make_folder(root / "figures"), drawn)
     services = files.make_folder(root / "services")
-    for name, ledger in {**runs, **judged}.items():
-        ledger.services().write_parquet(services / f"{_file(name)}.parquet")
+    for file, (_, ledger) in zip(_files([name for name, _ in everything]), everything, strict=True):
+        ledger.services().write_parquet(services / f"{file}.parquet")
     target = root / "report.html"
     files.write_text(target, page)
     return target
@@ -286,5 +289,11 @@ def _settings(ledger: Ledger) -> dict[str, Any]:
     return plain
 
 
-def _file(name: str) -> str:
-    return re.sub(r"\W+", "_", name).strip("_").lower() or "run"
+def _files(names: Sequence[str]) -> list[str]:
+    """A name of a file for each, no two the same."""
+    found: list[str] = []
+    for name in names:
+        plain = re.sub(r"\W+", "_", name).strip("_").lower() or "run"
+        numbered = (f"{plain}_{number}" for number in count(2))
+        found.append(next(one for one in chain([plain], numbered) if one not in found))
+    return found

@@ -222,8 +222,6 @@ def listing(data: Table) -> Listing:
 def _cell(head: str, value: Any) -> str:
     if isinstance(value, str):
         return value
-    if math.isnan(value) and head.startswith("paper"):
-        return NOT_PRINTED
-    if isinstance(value, int):
-        return str(value)
-    return NOT_DEFINED if math.isnan(value) else f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+    if value is None or math.isnan(value):  # None in a column of text
+        return NOT_PRINTED if head.startswith("paper") else NOT_DEFINED
+    return str(value) if isinstance(value, int) else f"{value:.4g}".replace("-", "\N{MINUS SIGN}")

@@ -3,14 +3,17 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
 from evenhand.adapters import JudgeSettings, Ledger, page
+from evenhand.adapters.updates import Examined
 from evenhand.adapters.verdict import findings_of
 from evenhand.audits.results import AuditSettings
 from evenhand.errors import InputError
 from evenhand.inference.verdicts import VerdictSettings
 from evenhand.interactions import Interactions
+from evenhand.reflection import Reflection, ReflectionSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
 
 
@@ -84,6 +87,41 @@ def test_tests_are_judged_apart(tmp_path):
     assert "run, tested" in text
     assert "met late" not in text
     assert (tmp_path / "services" / "run_tested.parquet").exists()
+
+
+def test_services_of_every_run_have_a_file(tmp_path):
+    runs = {"run 1": ledger(20), "Run-1": ledger(21), "run 1 2": ledger(22), "+": ledger(23)}
+    runs["a, tested"] = ledger(24)
+    page.write(
+        tmp_path, runs, tests={"a": ledger(25), "-": ledger(26)}, title="t", note="n",
+        settings=QUICK,
+    )  # fmt: skip
+    found = {
+        path.stem: len(Interactions.read_parquet(path)) // 4
+        for path in (tmp_path / "services").iterdir()
+    }
+    assert found == {
+        "run_1": 20, "run_1_2": 21, "run_1_2_2": 22, "run": 23, "a_tested": 24,
+        "a_tested_2": 25, "tested": 26,
+    }  # fmt: skip
+
+
+def test_an_abnormal_update_stands_among_few_others(tmp_path):
+    table = np.full((2, 3), 0.125)
+    parts = ("side",), ("late", "loud"), table, table, table, 0.25
+    updates = [
+        Reflection(*parts, False, None, None, ()),
+        Reflection(*parts, True, "side", "late", ("left",)),
+        Reflection(*parts, False, None, None, ()),
+    ]
+    examined = {"run": Examined(updates, ReflectionSettings(rate=0.5, history=3))}
+    where = page.write(
+        tmp_path, {"run": ledger(20)}, updates=examined, title="t", note="n", settings=QUICK
+    )
+    rows = re.findall(r"<tr>(.*?)</tr>", where.read_text(), re.DOTALL)
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in rows]
+    named = [row[7:10] for row in cells if len(row) == 11]  # the row of an update
+    assert named == [["not defined"] * 3, ["side", "late", "left"], ["not defined"] * 3]
 
 
 @pytest.mark.parametrize(
