@@ -62,6 +62,16 @@ def test_a_card_without_a_test(cli, trained, tmp_path):
     assert "| people served in training | 8, all of them synthetic |" in page
 
 
+def test_a_run_that_lost_epochs_has_no_card(cli, trained, tmp_path):
+    folder = tmp_path / "r"
+    shutil.copytree(trained / "runs" / "seed-0", folder)
+    log = folder / "epochs.jsonl"
+    log.write_text(log.read_text().splitlines(keepends=True)[0])
+    made = cli("card", "r", "--out", "c.md", "--services", "0")
+    assert "r/epochs.jsonl has 1 lines, but 2 epochs have run: restore it, or" in made.complaint
+    assert not (tmp_path / "c.md").exists()
+
+
 def test_the_code_of_a_robots_card_runs(cli, trained, tmp_path):
     cli("card", trained / "runs" / "seed-0", "--out", "c.md", "--services", "0")
     (block,) = re.findall(r"```python\n(.*?)```", (tmp_path / "c.md").read_text(), re.DOTALL)

@@ -7,7 +7,7 @@ from evenhand.cards.markdown import NOT_MEASURED, number, percent, words
 from evenhand.cards.sections import Said
 from evenhand.detector import Detector
 from evenhand.detector_report import Evaluation, wilson
-from evenhand.judgements import SIMULATED
+from evenhand.judgements import IDENTITIES, ISSUES, SIMULATED
 
 
 def render(said: Said, detector: Detector, evaluation: Evaluation | None) -> str:
@@ -182,9 +182,30 @@ _LOADING = "## How to load it\n\n" + markdown.code(
 
 
 def _repeating(detector: Detector) -> str:
+    papers = detector.issues == ISSUES and detector.identities == IDENTITIES
+    block = _command(detector) if papers else _python(detector)
+    return f"## How to repeat it\n\nThe same answers give the same detector.\n\n{block}"
+
+
+def _command(detector: Detector) -> str:
     seed = "" if detector.seed is None else f" --seed {detector.seed}"
     source = ' --source "simulated respondents"' if detector.source == SIMULATED else ""
     line = f"evenhand detect fit --answers ANSWERS.csv --out DETECTOR.json{source}{seed}"
-    return "## How to repeat it\n\nThe same answers give the same detector.\n\n" + markdown.code(
-        line, "sh"
+    return markdown.code(line, "sh")
+
+
+def _python(detector: Detector) -> str:
+    """For issues or identities of one's own, which the command line cannot name."""
+    kinds = f", discriminations={detector.kinds!r}" if detector.kinds else ""
+    return markdown.code(
+        "from evenhand import detector, detector_io\n\n"
+        f"issues = {detector.issues!r}\n"
+        f'answers = detector_io.read_answers("ANSWERS.csv", issues=issues{kinds})\n'
+        "found = detector.fit(\n"
+        "    answers.issue_scores, answers.biased, answers.kinds,\n"
+        f"    source={detector.source!r}, seed={detector.seed},\n"
+        f"    issues=issues, identities={detector.identities!r},\n"
+        ")\n"
+        'detector_io.save(found, "DETECTOR.json")',
+        "python",
     )

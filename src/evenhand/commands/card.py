@@ -103,12 +103,12 @@ class Card:
         from evenhand.experiments import card_numbers, measure
 
         settings, state = inputs.load_policy(self.file)
+        about = self._about(settings, int(state.step))
         population = settings.world.population
         trial: Trial | None = None
         if self.services:
             table = measure.serve_policy(state, settings, self.services, self.seed)
             trial = card_numbers.trial_of(table, self.seed, population)
-        about = self._about(settings, int(state.step))
         return robot.render(said, about, trial)
 
     def _about(self, settings: TrainSettings, epochs: int) -> Robot:
@@ -119,6 +119,12 @@ class Card:
         judge = detector_io.load(self.file / "detector.json")
         shipped = judge == detector_io.load(detector_io.SHIPPED)
         noted = files.read_record(self.file / "settings.json", "settings", "versions")
+        lines = run.read_epochs(self.file)
+        if len(lines) < epochs:
+            raise InputError(
+                f"{self.file / 'epochs.jsonl'} has {len(lines)} lines, but {epochs} epochs have "
+                "run: restore it, or train again"
+            )
         return Robot(
             settings=noted["settings"],
             versions=noted["versions"],
@@ -126,7 +132,7 @@ class Card:
             population=settings.world.population,
             judge=f"{judge.rows} judgements by {judge.source}",
             command=repeating(settings, shipped),
-            last=run.read_epochs(self.file)[epochs - 1],
+            last=lines[epochs - 1],
         )
 
 

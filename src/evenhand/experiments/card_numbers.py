@@ -33,7 +33,7 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         seed=seed,
         population=population,
         scores={
-            "total": mean_of(windows.total),
+            "total": mean_of(windows.total, len(windows.issues)),
             **{name: mean_of(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
         },
         floor=measure.summary(table, seed)["floor"],
@@ -49,11 +49,12 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
     )
 
 
-def mean_of(values: np.ndarray) -> Mean:
-    """Mean of windows with Student's 95 % interval.
+def mean_of(values: np.ndarray, most: float = 1.0) -> Mean:
+    """Mean of windows with Student's 95 % interval, as far as it lies on the scale.
 
     Args:
-        values: one a window, NaN where a window says nothing.
+        values: one a window, from 0 to ``most``; NaN where a window says nothing.
+        most: a score cannot be greater.
     """
     known = values[~np.isnan(values)]
     n = len(known)
@@ -63,7 +64,7 @@ def mean_of(values: np.ndarray) -> Mean:
     if n == 1:
         return Mean(mean, None, None, 1)
     half = float(stats.t.ppf(0.975, n - 1) * known.std(ddof=1) / np.sqrt(n))
-    return Mean(mean, mean - half, mean + half, n)
+    return Mean(mean, max(mean - half, 0.0), min(mean + half, most), n)
 
 
 def evaluation_of(judge: Detector, answers: Answers, folds: int = 5) -> detector_report.Evaluation:

@@ -100,8 +100,11 @@ def test_the_mean_of_windows_has_students_interval(trial):
     values = np.array([0.1, 0.3, np.nan, 0.2])
     mean = card_numbers.mean_of(values)
     low, high = stats.ttest_1samp([0.1, 0.3, 0.2], 0.0).confidence_interval(0.95)
-    assert (mean.value, mean.low, mean.high) == pytest.approx((0.2, low, high))
+    assert low < 0.0  # where no score lies
+    assert (mean.value, mean.low, mean.high) == pytest.approx((0.2, 0.0, high))
     assert mean.n == 3
+    mean = card_numbers.mean_of(values + 2.3, 2.6)
+    assert (mean.value, mean.low, mean.high) == pytest.approx((2.5, 2.3 + low, 2.6))
     assert card_numbers.mean_of(np.array([0.4])) == robot.Mean(0.4, None, None, 1)
     assert card_numbers.mean_of(np.array([np.nan])) == robot.Mean(None, None, None, 0)
     assert trial.scores["total"].n == N // 30
@@ -238,3 +241,23 @@ def test_the_code_of_a_detectors_card_runs(tmp_path, monkeypatch):
     names: dict = {}
     exec(block, names)
     assert names["detector"] == fitted()
+
+
+def test_a_detector_of_own_issues_and_identities_is_repeated_in_python(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    issues = ("late", 'un"kind')
+    kinds = ["hatism" if b else None for b in BIASED]
+    own = detector.fit(
+        SCORES[:, :2], BIASED, kinds, source="respondents", seed=3, issues=issues,
+        identities=("hat",),
+    )  # fmt: skip
+    rows = zip(SCORES.tolist(), BIASED, kinds, strict=True)
+    lines = [f"{a!r},{b!r},{'yes' if y else 'no'},{kind or ''}" for (a, b, *_), y, kind in rows]
+    head = 'late,"un""kind",biased,discrimination'
+    (tmp_path / "ANSWERS.csv").write_text("\n".join([head, *lines]))
+    page = judge.render(Said("D"), own, None)
+    assert "detect fit" not in page
+    _, block = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(block, {})
+    assert detector_io.load(tmp_path / "DETECTOR.json") == own
+    assert "evenhand detect fit --answers ANSWERS.csv" in judge.render(Said("D"), fitted(), None)
