@@ -2,7 +2,8 @@
 
 The environment need not know anything of Evenhand. The facts function is asked at once about the
 first episodes that end, so that nonsense is found early, and about every one where guidance has to
-be paid. Else it is asked about many together, so that a step costs hardly more than without. An
+be paid. Else it is asked about many together, so that a step costs hardly more than without. What
+an episode began and ended with is copied, for environments go on with their arrays and dicts. An
 episode that a reset cuts short is no service; where people are drawn, its person is the next one
 served in that lane.
 """
@@ -151,7 +152,11 @@ class JudgeVectorServices(
     VectorWrapper[ObsType, ActType, ObsType, ActType, np.ndarray],
     Generic[ObsType, ActType],
 ):
-    """Judges many environments at once, in each of Gymnasium's autoreset modes."""
+    """Judges many environments at once, in each of Gymnasium's autoreset modes.
+
+    In mode SAME_STEP Gymnasium's own vector environments hand out the array of the last
+    observation: what a single environment writes into it at its reset stands there.
+    """
 
     def __init__(
         self,
