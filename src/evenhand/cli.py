@@ -39,7 +39,7 @@ COMMANDS = {
     "curves": ("curves.Curves", "epochs of runs for TensorBoard, or Weights & Biases offline"),
     "minari": ("minari.Minari", "services of a robot as a Minari dataset"),
     "card": ("card.Card", "the model card of a trained robot or of a detector"),
-    "bench": ("bench.Bench", "measure speed: environment, epoch, audit and clips, beside others"),
+    "bench": ("bench.Bench", "measure speed: environment, audit, clips, adapters, study"),
 }
 DETECT = {
     "fit": ("detect.DetectFit", "fit the detector to a table of judgements"),

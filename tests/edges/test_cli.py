@@ -259,6 +259,7 @@ def test_help_explains_every_option(cli, words):
     assert (shown.code, shown.err) == (0, "")
     assert shown.out.startswith(f"usage: evenhand {' '.join(words)} ")
     text = " ".join(shown.out.replace("│", " ").split())
+    assert not re.search(r"\bNone\b|''|\(default: \)", text)  # what applies, not what Python holds
     for field in fields(command_of(LEAVES[words])):
         option = f"--{field.name.replace('_', '-')}".replace("--run-folder", "--run")
         if "Positional" in str(field.type):

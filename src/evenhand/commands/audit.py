@@ -6,7 +6,7 @@ import shlex
 import sys
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
@@ -17,9 +17,15 @@ if TYPE_CHECKING:
     from evenhand.audits.mapping import Mapping
 
 _COLUMN = arg(metavar="COLUMN", help_behavior_hint="(found by name)")
+_GIVEN = "(required)"
 _COLUMNS = arg(metavar="COLUMN ...", help_behavior_hint="(optional)")
 FOUND = 3
 """Exit code when what ``--fail-on`` names was found."""
+
+
+def _limit(paper: str) -> Any:
+    """A limit of the issues; the file of --map may say another one."""
+    return arg(metavar="FLOAT", help_behavior_hint=f"(default: {paper}, as in the paper)")
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,9 @@ class Columns:
     ] = ()
     """Who was served: any columns; a missing value is the group unknown."""
 
-    bins: Annotated[tuple[str, ...], arg(metavar="COLUMN=A,B ...")] = ()
+    bins: Annotated[
+        tuple[str, ...], arg(metavar="COLUMN=A,B ...", help_behavior_hint="(optional)")
+    ] = ()
     """Cut an identity of numbers into groups: age=18,65."""
 
     responded: Annotated[str | None, _COLUMN] = None
@@ -62,12 +70,14 @@ class Columns:
     """Least distance of the whole service."""
 
     time_unit: Annotated[
-        Literal["s", "ms", "min", "steps"] | None, arg(help_behavior_hint="(by name, else s)")
+        Literal["s", "ms", "min", "steps"] | None,
+        arg(metavar="s|ms|min|steps", help_behavior_hint="(by name, else s)"),
     ] = None
     """Of times that are numbers; steps are 0.02 s."""
 
     distance_unit: Annotated[
-        Literal["m", "cm", "mm", "ft", "in"] | None, arg(help_behavior_hint="(by name, else m)")
+        Literal["m", "cm", "mm", "ft", "in"] | None,
+        arg(metavar="m|cm|mm|ft|in", help_behavior_hint="(by name, else m)"),
     ] = None
     """Of distances."""
 
@@ -77,17 +87,17 @@ class Columns:
     within: Annotated[tuple[str, ...], _COLUMNS] = ()
     """Compare only within these, a site or a day, so that unlike ones are not mixed."""
 
-    nearest: float | None = None
-    """Least proper distance of a response, metres (the paper: 1.0)."""
+    nearest: Annotated[float | None, _limit("1.0")] = None
+    """Least proper distance of a response, metres."""
 
-    farthest: float | None = None
-    """Greatest proper distance of a response, metres (the paper: 1.5)."""
+    farthest: Annotated[float | None, _limit("1.5")] = None
+    """Greatest proper distance of a response, metres."""
 
-    late: float | None = None
-    """Seconds after which a response is late (the paper: 4)."""
+    late: Annotated[float | None, _limit("4.0")] = None
+    """Seconds after which a response is late."""
 
-    risk: float | None = None
-    """Distance below which any moment is too close, metres (the paper: 0.5)."""
+    risk: Annotated[float | None, _limit("0.5")] = None
+    """Distance below which any moment is too close, metres."""
 
     def mapping(self) -> Mapping:
         """As far as it was said, in a file or by options."""
@@ -124,11 +134,11 @@ class Audit(Columns):
     To try it: evenhand example fleet.csv, then evenhand audit fleet.csv --out card.html
     """
 
-    log: Positional[Annotated[str, arg(metavar="LOG")]] = ""
+    log: Positional[Annotated[str, arg(metavar="LOG", help_behavior_hint=_GIVEN)]] = ""
     """File, folder or glob of CSV, TSV, JSON Lines, Parquet, Arrow or DuckDB; or the URL of a
     database, as postgres://reader@host/fleet."""
 
-    depth: int | None = None
+    depth: Annotated[int | None, arg(metavar="INT", help_behavior_hint="(default: 1)")] = None
     """Combine so many identities too: 2 adds groups such as "child × female". At most 3."""
 
     out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="(optional)")] = ()

@@ -56,7 +56,9 @@ class Compare:
     first_seed: int = CompareSettings.first_seed
     """The first of these seeds. Choose settings of a method with other seeds than you report."""
 
-    earlier: Annotated[Path | None, arg(metavar="FILE")] = CompareSettings.earlier
+    earlier: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = (
+        CompareSettings.earlier
+    )
     """results.csv of an earlier comparison with its manifest beside it: what ran there is taken
     from there, so that a published comparison can be continued, or an arm be added to it."""
 

@@ -107,7 +107,8 @@ class StudyFit:
     """Where the detector goes (JSON)."""
 
     who: Annotated[
-        Literal["people", "simulated", "both"] | None, arg(help_behavior_hint="(whoever there is)")
+        Literal["people", "simulated", "both"] | None,
+        arg(metavar="people|simulated|both", help_behavior_hint="(whoever there is)"),
     ] = None
     """Whose answers; has to be said when there are both."""
 

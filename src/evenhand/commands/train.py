@@ -54,7 +54,7 @@ class Train:
     influence: each service costs what it adds to the total issue score.
     surgery: the gradient towards evenness, without what conflicts with service."""
 
-    strength: Annotated[float | None, arg(help_behavior_hint="(its own)")] = None
+    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")] = None
     """Weight of influence, surgery or levelup beside a perfect service's 1."""
 
     scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
@@ -65,7 +65,9 @@ class Train:
     """Another published method instead of guidance: lagrangian, a_ppo, r_ppo, elbert, group_dro,
     ggf. Give --guidance none with it."""
 
-    rival_strength: Annotated[float | None, arg(help_behavior_hint="(its own)")] = None
+    rival_strength: Annotated[
+        float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")
+    ] = None
     """Main setting of the rival."""
 
     unaware: bool = False

@@ -29,7 +29,7 @@ class Watch(Columns):
     For instance: evenhand watch fleet.csv --once
     """
 
-    log: Positional[Annotated[str, arg(metavar="LOG")]] = ""
+    log: Positional[Annotated[str, arg(metavar="LOG", help_behavior_hint="(required)")]] = ""
     """CSV, TSV or JSON Lines file that is appended to, or the URL of a database (--order-by)."""
 
     order_by: Annotated[str | None, arg(metavar="COLUMN", help_behavior_hint="(optional)")] = None
