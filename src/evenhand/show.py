@@ -9,6 +9,7 @@ from datetime import timedelta
 from typing import Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     Progress,
@@ -23,6 +24,8 @@ from evenhand.experiments.pool import Tell
 
 _WIDE = 200
 """Columns of a table where no terminal sets the limit."""
+_ANY_WIDTH = 10_000
+"""More than any table has."""
 
 
 class _Pace(ProgressColumn):
@@ -82,16 +85,43 @@ def stages() -> Iterator[Stages]:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table, numbers to the right; in a file or a pipe it is as wide as it needs."""
+    """Print a table, numbers to the right; in a file or a pipe it is as wide as it needs.
+
+    Where a terminal is too narrow for it, every row is a paragraph: what it is of, then the rest.
+    """
     shown = Table()
     for index, name in enumerate(columns):
         numeric = bool(rows) and isinstance(rows[0][index], (int, float))
         shown.add_column(name, justify="right" if numeric else "left", overflow="fold")
-    for row in rows:
-        shown.add_row(*[_text(cell) for cell in row])
+    cells = [[_text(cell) for cell in row] for row in rows]
+    for row in cells:
+        shown.add_row(*row)
     console = Console(highlight=False, width=None if sys.stdout.isatty() else _WIDE)
     console.print(Text(title, style="bold"), soft_wrap=True)
-    console.print(shown)
+    if not sys.stdout.isatty() or _fits(console, shown):
+        console.print(shown)
+        return
+    named = _naming(rows)
+    for row in cells:
+        console.print(Text.from_markup(" · ".join(row[:named]), style="underline"))
+        rest = zip(columns[named:], row[named:], strict=True)
+        told = "; ".join(f"{name} {cell}" for name, cell in rest if cell)
+        for line in Text.from_markup(told).wrap(console, max(console.width - 2, 1)):
+            line.rstrip()
+            console.print(Text("  ").append_text(line))
+
+
+def _fits(console: Console, shown: Table) -> bool:
+    """Whether a table needs no cell broken."""
+    free = console.options.update_width(_ANY_WIDTH)
+    return Measurement.get(console, free, shown).maximum <= console.width
+
+
+def _naming(rows: Sequence[Sequence[Any]]) -> int:
+    """How many columns say what a row is of: those before the first number, or one."""
+    first = rows[0] if rows else ()
+    places = (i for i, cell in enumerate(first) if isinstance(cell, (int, float)))
+    return max(1, next(places, 1))
 
 
 def _text(cell: Any) -> str:
