@@ -129,4 +129,4 @@ def _text(cell: Any) -> str:
         return "missing"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    return f"{cell:.3f}" if isinstance(cell, float) else str(cell)
+    return f"{cell:z.3f}" if isinstance(cell, float) else str(cell)

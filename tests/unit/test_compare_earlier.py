@@ -50,6 +50,16 @@ def load(path: Path) -> compare_earlier.Earlier:
     return compare_earlier.load(path, EPOCHS, SERVICES, prints, "judge")
 
 
+def test_it_is_said_where_all_runs_come_from(tmp_path):
+    noted = manifest() | {"created": "2026-11-22", "run_seconds": 35610.1}
+    noted["commit"] = {"hash": "b75a81a022fed6", "changed": False}
+    path = written(tmp_path, rows(), noted)
+    assert compare_earlier.all_of_it(path, load(path)) == (
+        f"nothing to run: all runs are taken from {path}, written 2026-11-22 by commit b75a81a022, "
+        "after 9.9 h of computing"
+    )
+
+
 def test_every_run_is_taken(tmp_path):
     found = load(written(tmp_path, rows(), manifest()))
     assert set(found.results) == set(CELLS)

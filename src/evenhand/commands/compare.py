@@ -83,11 +83,15 @@ class Compare:
 
         with show.stages() as stage:
             rows = compare.compare(settings, stage, announce, command)
+        shown = compare_tables.shown(rows)
+        named = {"biased epochs": f"biased epochs of {self.epochs}"}
         show.table(
             "Interquartile means over seeds, 95 % intervals; 1 attained: as even as the reference",
-            list(_COLUMNS),
-            [[cell(row) for cell in _COLUMNS.values()] for row in compare_tables.shown(rows)],
+            [named.get(name, name) for name in _COLUMNS],
+            [[cell(row) for cell in _COLUMNS.values()] for row in shown],
         )
+        if any(row["seeds"] == 2 for row in shown):
+            print("Where there are two seeds, an interval is at most the range of the two.")
         print(settings.out / "report.html")
         return 0
 
@@ -97,8 +101,8 @@ def _interval(row: Mapping[str, Any], name: str, digits: int) -> str:
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     if value is None or isnan(value):
         return "missing"
-    limits = "" if isnan(low) else f" [{low:.{digits}f}, {high:.{digits}f}]"
-    return f"{value:.{digits}f}{limits}"
+    limits = "" if isnan(low) else f" [{low:z.{digits}f}, {high:z.{digits}f}]"
+    return f"{value:z.{digits}f}{limits}"
 
 
 _COLUMNS = {

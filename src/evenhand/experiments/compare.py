@@ -88,11 +88,15 @@ def compare(
             )
             for cell in cells
         ]
-        announce(_plan(settings, cells, sum(task.finished for task in tasks)))
+        if cells:
+            announce(_plan(settings, cells, sum(task.finished for task in tasks)))
+        elif earlier:
+            announce(compare_earlier.all_of_it(settings.earlier, earlier))
         for sentence in _oddities(out, settings, earlier, made):
             announce(sentence)
-        units = sum(_units(cell, **fixed) for cell in cells)
-        run_all(tasks, settings.workers, stage("training and test", units))
+        if cells:
+            units = sum(_units(cell, **fixed) for cell in cells)
+            run_all(tasks, settings.workers, stage("training and test", units))
         tell = stage("tables and report", 1)
         found = finished(out, **fixed)
         results = known | {cell: done["test"] for cell, done in found.items()}

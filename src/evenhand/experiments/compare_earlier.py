@@ -128,6 +128,15 @@ def other_versions(earlier: Earlier | None, here: dict[str, Any]) -> list[str]:
     return [differs for differs in dict.fromkeys(found) if differs]
 
 
+def all_of_it(table: Path | None, earlier: Earlier) -> str:
+    """The sentence where nothing is left to run: when, by which code, and how long it took."""
+    commit, seconds = earlier.manifest["commit"], earlier.manifest["run_seconds"]
+    made = f" by commit {commit['hash'][:10]}" if isinstance(commit, dict) else ""
+    took = f", after {seconds / 3600:,.1f} h of computing" if isinstance(seconds, float) else ""
+    when = earlier.manifest["created"]
+    return f"nothing to run: all runs are taken from {table}, written {when}{made}{took}"
+
+
 def _rows(table: Path) -> Iterable[dict[str, str]]:
     try:
         with table.open(newline="", encoding="utf-8") as file:

@@ -65,7 +65,8 @@ def evenness(share: Estimate, service: float, found: float, reference: float) ->
     enough = share.mean >= SHARE
     if service > 0:
         lower, attainable = 1 - found / service, 1 - reference / service
-        words.insert(0, f"{say_share(lower)} lower than service alone")
+        way = "lower" if lower >= 0 else "higher"
+        words.insert(0, f"{say_share(abs(lower))} {way} than service alone")
         if attainable >= HALF:
             enough = enough and lower >= HALF
         else:
@@ -139,6 +140,9 @@ def hypervolume(own: Estimate, rivals: Mapping[str, Estimate]) -> Verdict:
         return Verdict(UNKNOWN, own, "no rival" if not rivals else "a number is missing")
     name, best = max(known.items(), key=lambda pair: pair[1].mean)
     words = [f"best rival {name} {say(best.mean)}"]
+    if say(own.mean) == say(best.mean) and own.mean != best.mean:
+        way = "higher" if best.mean > own.mean else "lower"
+        words = [f"{words[0]}, {way} by {abs(best.mean - own.mean):.1g}"]
     if min(own.n, best.n) < 2:
         return Verdict(UNKNOWN, own, _joined([*words, ONE_SEED]))
     if own.mean >= best.mean and len(known) < len(rivals):

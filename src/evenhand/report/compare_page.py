@@ -112,15 +112,21 @@ def _facts(c: Comparison) -> list[tuple[str, str]]:
     which = f"{seeds[0]}" if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"
     runs = {tuple(row[n] for n in ("scenario", "algorithm", "arm", "seed"))
             for row in c.results.rows()}  # fmt: skip
-    commit = manifest["commit"]
+    earlier = manifest["earlier"] or {}
+    here = manifest["runs"] > 0 or not earlier
+    commit = manifest["commit"] if here else earlier.get("commit")
     known = f"{str(commit.get('hash', ''))[:10]}" if commit else "not known"
+    took = _hours(manifest["run_seconds"]) if here else ""
+    if earlier:
+        before = _hours(earlier["run_seconds"]) if "run_seconds" in earlier else "not known"
+        took = f"{took}, and earlier {before}" if here else before
     return [
         ("Written", manifest["created"]),
-        ("Runs", f"{len(runs):,}"),
+        ("Runs", f"{len(runs):,}" + ("" if here else ", all from an earlier comparison")),
         ("Seeds an arm", f"{many} (from {which})"),
         ("Learning", f"{settings['epochs']:,} epochs × {manifest['people']} services"),
         ("Test", f"{settings['services']:,} services a run"),
-        ("Computing", _hours(manifest["run_seconds"])),
+        ("Computing", took),
         ("Commit", known + (", with changes" if commit and commit.get("changed") else "")),
     ]
 

@@ -149,7 +149,10 @@ def _evenness(c: Comparison, scenario: str, algorithm: str, arm: str) -> Verdict
     known = [part for part in parts if not isnan(part[0])]
     if not known or own.mean <= 0 or max(known)[0] <= 0:
         return verdict
-    left = f"most of what is left is {max(known)[1]}, {say(max(known)[0])} of {say(own.mean)}"
+    part, issue = max(known)
+    left = f"most of what is left is {issue}, {say(part)} of {say(own.mean)}"
+    if part > own.mean:
+        left = f"its largest part is {issue}, {say(part)}; parts can be below 0"
     return Verdict(verdict.state, verdict.number, f"{verdict.why}; {left}")
 
 

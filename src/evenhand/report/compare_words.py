@@ -89,7 +89,10 @@ def full_table(c: Comparison) -> list[tuple[str, list[list[str]]]]:
     for row in c.summary.rows():
         head = "all scenarios but even" if row["scenario"] == POOLED else row["scenario"]
         cells = [algorithm_label(row["algorithm"]), arm_label(row["arm"])]
-        cells += [row["metric"].replace("_", " "), str(row["seeds"])]
+        of_all = f" of {c.manifest['settings']['epochs']}"
+        cells.append(row["metric"].replace("_", " "))
+        cells[-1] += of_all if row["metric"] == "biased_epochs" else ""
+        cells.append(str(row["seeds"]))
         key = (row["scenario"], row["algorithm"], row["arm"], row["metric"])
         for of in ("iqm", "difference", "improvement", "share"):
             if of != "iqm" and isnan(row[of]):  # nothing to compare with
@@ -137,7 +140,8 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
             "more strengths has more chances, so these are not quite comparable.",
         )
     commit = c.manifest["commit"]
-    if commit is None or commit.get("changed"):
+    ran = c.manifest["runs"] or not c.manifest["earlier"]
+    if ran and (commit is None or commit.get("changed")):
         yield (
             "Code.",
             "No commit is known for the code that ran."
@@ -146,10 +150,12 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
         )
     earlier = c.manifest["earlier"]
     if earlier:
+        code = (earlier.get("commit") or {}).get("hash")
         yield (
             "Earlier runs.",
-            f"Some runs were taken from a comparison of {earlier.get('created', NOT_DEFINED)}, "
-            f"version {earlier.get('version', NOT_DEFINED)}.",
+            f"{'Some' if c.manifest['runs'] else 'All'} runs were taken from a comparison of "
+            f"{earlier.get('created', NOT_DEFINED)}, version {earlier.get('version', NOT_DEFINED)}"
+            f"{f', commit {code[:10]}' if code else ''}.",
         )
     yield from _origins(c)
 

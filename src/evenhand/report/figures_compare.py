@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 
 from evenhand.report import figures, style
 from evenhand.report.inputs import Results
-from evenhand.report.tables import Table, table
+from evenhand.report.tables import Table, say, table
 
 Look = style.Look
 METHODS = {
@@ -132,6 +132,10 @@ def _series(ax: Axes, part: Table, method: str) -> None:
     ax.plot(x, y, color=look.colour, linewidth=0.9, linestyle="--", zorder=front - 0.5)
 
 
+_MARK = 0.04
+"""Half a mark, as a share of an axis."""
+
+
 def _look_closer(ax: Axes, part: Table) -> None:
     """Show what learned; an untrained robot far from it is given in numbers instead."""
     learned = part["arm"] != "untrained"
@@ -149,12 +153,16 @@ def _look_closer(ax: Axes, part: Table) -> None:
         low, high = low - margin, high + margin
         if aim == "perfect_rate":  # nothing lies beyond 100 %; half a mark has to fit in
             width = high - low
-            low, high = max(low, -0.04 * width), min(high, 100 + 0.04 * width)
+            low, high = max(low, -_MARK * width), min(high, 100 + _MARK * width)
         ax.set(**{f"{axis}lim": (low, high)})
     for x, y in at:
         (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-        if not (left <= x <= right and bottom <= y <= top):
-            text = f"untrained: {x:.0f} % perfect, score {y:.3f}"
+        across, up = _MARK * (right - left), _MARK * (top - bottom)
+        if left - across <= x <= right + across and bottom - up <= y <= top + up:
+            ax.set_xlim(min(left, x - across), max(right, x + across))  # the whole mark
+            ax.set_ylim(min(bottom, y - up), max(top, y + up))
+        else:
+            text = f"untrained: {x:.0f} % perfect, score {say(y)}"
             ax.annotate(text, (0, 1), (0, 4), xycoords="axes fraction",
                         textcoords="offset points", color=style.GREY, fontsize=7)  # fmt: skip
 

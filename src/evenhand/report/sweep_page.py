@@ -124,6 +124,10 @@ def _variants(
                 number(Estimate(row["iqm"], row["low"], row["high"], row["seeds"]), share)
                 for row, (_, _, share) in zip(rows, _METRICS, strict=True)
             ]
+            *rest, biased = numbers
+            if manifest["variants"][name].get("epochs") and biased.interval:
+                biased = Number(f"{biased.value} of {settings['epochs']}", biased.interval)
+            numbers = [*rest, biased]
             label = ", ".join(filter(None, (arm_label(arm), algorithm_label(algorithm))))
             lines.append((scenario, label, max(row["seeds"] for row in rows), numbers))
         found.append((name, html.flat(settings), lines))

@@ -152,14 +152,14 @@ def say(value: float, digits: int = 3) -> str:
     if math.isnan(value):
         return NOT_DEFINED
     places = digits if abs(value) < 10 else max(digits - 1, 0) if abs(value) < 100 else 1
-    return f"{value:,.{places}f}".replace("-", "\N{MINUS SIGN}")
+    return f"{value:z,.{places}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def say_share(value: float) -> str:
     """A share in [0, 1] as per cent with one decimal; NaN in words."""
     if math.isnan(value):
         return NOT_DEFINED
-    return f"{100 * value:.1f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
+    return f"{100 * value:z.1f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
 
 
 def say_estimate(estimate: Estimate, share: bool = False) -> str:

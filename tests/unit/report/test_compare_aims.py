@@ -39,7 +39,7 @@ def test_the_six_scenarios_are_those_that_there_are() -> None:
         (of(0.85, 0.81, 0.9), (1.0, 0.575, 0.5), MISSED, ["42.5\xa0% lower"]),
         (of(1.0, 0.9, 1.1), (1.0, 0.5, 0.5), REACHED, ["50.0\xa0% lower"]),
         # more uneven than before
-        (of(-0.2, -0.3, -0.1), (0.5, 0.6, 0.0), MISSED, ["\N{MINUS SIGN}20.0\xa0% lower"]),
+        (of(-0.2, -0.3, -0.1), (0.5, 0.6, 0.0), MISSED, ["20.0\xa0% higher"]),
     ],
 )  # fmt: skip
 def test_evenness(share, totals, state, said) -> None:
@@ -154,6 +154,11 @@ def test_hypervolume_is_that_of_every_rival_at_least() -> None:
     assert (more.state, more.why) == (REACHED, "best rival B 0.700")
     equal = aims.hypervolume(of(0.7, 0.6, 0.8), rivals)
     assert (equal.state, equal.why) == (REACHED, "best rival B 0.700; intervals overlap")
+    # 0.700 as shown, and yet less
+    nearly = aims.hypervolume(of(0.6996, 0.6, 0.8), rivals)
+    assert (nearly.state, nearly.why) == (
+        MISSED, "best rival B 0.700, higher by 0.0004; intervals overlap",
+    )  # fmt: skip
     less = aims.hypervolume(of(0.6, 0.58, 0.64), rivals)
     assert (less.state, less.why) == (MISSED, "best rival B 0.700")
 

@@ -218,11 +218,28 @@ def test_few_and_unequal_seeds_are_said(tmp_path: Path) -> None:
     assert "Rows of all scenarios use the seeds that an arm has in each" in said["Unequal seeds."]
     assert said["Short tests."].startswith("600 services a run")
     assert "changed since the commit" in said["Code."]
-    assert "a comparison of then, version 0" in said["Earlier runs."]
+    assert said["Earlier runs."].startswith("Some runs were taken from a comparison of then, ")
     assert said["Several commits."] == (
         "Runs were made by the code of ababababab. Of some runs it is not known."
     )
     assert "Other versions." not in said
+
+
+def test_where_all_runs_are_earlier_ones_their_code_and_time_are_told(tmp_path: Path) -> None:
+    earlier = {"created": "then", "version": "0", "commit": {"hash": "ab" * 20, "changed": False}}
+    folder = write_comparison(
+        tmp_path / "out", runs=0, run_seconds=0, earlier=earlier | {"run_seconds": 36_000},
+        commit={"hash": "cd" * 20, "changed": True},
+    )  # fmt: skip
+    said = dict(compare_words.limits(compare_data.read(folder)))
+    assert said["Earlier runs."] == (
+        "All runs were taken from a comparison of then, version 0, commit ababababab."
+    )
+    assert "Code." not in said  # what was changed since wrote the page alone
+    text = text_of(drawn_without_figures(folder))
+    assert "Computing 10.0 h" in text
+    assert "Commit ababababab" in text
+    assert "all from an earlier comparison" in text
 
 
 def test_missing_numbers_stay_missing(tmp_path: Path) -> None:

@@ -34,6 +34,12 @@ def test_interval_agrees_with_scipy() -> None:
     assert (found.low, found.high) == pytest.approx((low, high))
 
 
+def test_nothing_is_less_than_nothing_by_rounding() -> None:
+    assert say(-0.0004) == "0.000"
+    assert say_share(-0.0004) == "0.0\N{NO-BREAK SPACE}%"
+    assert say(-0.0006) == "\N{MINUS SIGN}0.001"
+
+
 def test_an_interval_ends_where_the_scale_does() -> None:
     # shares 0.7 and 1.0: 0.85 ± 12.7062 * 0.2121 / sqrt 2, that is ± 1.9
     cut = mean_interval([0.7, 1.0], within=(0.0, 1.0))
