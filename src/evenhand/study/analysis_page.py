@@ -21,10 +21,10 @@ import pyarrow.csv
 
 from evenhand import files, report, templates
 from evenhand.report import figures, html
-from evenhand.report.html import Listing
 from evenhand.report.tables import NOT_DEFINED, Table, say, say_share
 from evenhand.study import analysis_figures
 from evenhand.study.analysis import Analysis, Part
+from evenhand.study.analysis_listing import listing
 from evenhand.study.answers import Answers, neutralised
 from evenhand.study.codebook import codebook
 
@@ -175,11 +175,12 @@ def _part(part: Part, drawn: list[figures.Drawn], found: Analysis) -> dict[str, 
             ("Median time", NOT_DEFINED if math.isnan(part.minutes) else f"{part.minutes:.1f} min"),
         ],
         "told": list(sentences(part, found)),
-        "figures": [html.figure_context(one) for one in drawn],
+        "figures": [_figure(one, part, found) for one in drawn],
         "tables": [
             (name, f"{title}{' (simulated)' if part.kind == 'simulated' else ''}", table)
             for name, title in TABLES.items()
-            if (table := _listing(part.tables[name])) is not None
+            if len(part.tables[name])
+            for table in [listing(name, part.tables[name], found.settings.exclude_flagged)]
         ],
         "flagged": flagged[:TEXTS],
         "flagged_more": max(0, len(flagged) - TEXTS),
@@ -188,8 +189,10 @@ def _part(part: Part, drawn: list[figures.Drawn], found: Analysis) -> dict[str, 
     }
 
 
-def _listing(table: Table) -> Listing | None:
-    return html.listing(table) if len(table) else None
+def _figure(one: figures.Drawn, part: Part, found: Analysis) -> dict[str, Any]:
+    name = one.plate.name.removeprefix(f"{part.kind}_")
+    shown = listing(name, one.data, found.settings.exclude_flagged)
+    return html.figure_context(one) | {"listing": shown}
 
 
 def sentences(part: Part, found: Analysis) -> list[str]:

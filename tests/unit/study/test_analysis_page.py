@@ -79,7 +79,7 @@ def test_free_answers_are_told_and_escaped(both):
 def test_simulated_participants_have_a_section_and_files_of_their_own(both):
     page = Page((both / "report.html").read_text(encoding="utf-8"))
     headings = [a["id"] for tag, a in page.tags if tag == "section"]
-    assert headings[:2] == ["people", "simulated"]
+    assert headings[:3] == ["sets", "people", "simulated"]
     assert any("they say nothing about people" in " ".join(text.split()) for text in page.text)
     for figure in [a["id"] for a in page.attributes("figure")]:
         assert figure.startswith(("people_", "simulated_"))
