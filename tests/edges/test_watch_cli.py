@@ -60,3 +60,43 @@ def test_watch_follows_a_file_until_it_is_stopped(apart, tmp_path):
         ended = apart.interrupt(process)
     assert ended.code == 130
     assert "Traceback" not in ended.err
+
+
+def test_a_stray_quote_ends_a_watch_with_a_sentence(cli, tmp_path):
+    """It would swallow everything up to the next quote."""
+    content = uneven(1500)
+    at = content.index(b"\n", 4000) + 1
+    for stray, said in ((b'5" m,yes\n', "a quote stands within a cell"),
+                        (b'"m,yes\n', "a quote is never closed")):  # fmt: skip
+        (tmp_path / "log.csv").write_bytes(content[:at] + stray + content[at:])
+        ended = cli("watch", "log.csv", "--once")
+        row = content[:at].count(b"\n") + 1
+        assert (ended.code, f"log.csv, row {row}: {said}" in ended.complaint) == (2, True)
+
+
+def test_watch_once_takes_a_last_record_without_a_line_end(cli, tmp_path):
+    content = uneven(60)
+    for name, text in (("whole.csv", content), ("cut.csv", content.rstrip(b"\n"))):
+        (tmp_path / name).write_bytes(text)
+    whole, cut = (cli("watch", name, "--once").out for name in ("whole.csv", "cut.csv"))
+    assert whole == cut
+    assert "in 60 services" in whole
+    (tmp_path / "log.jsonl").write_text('{"gender": "f", "responded": 1}\n' * 29 +
+                                        '{"gender": "m", "responded": 1}')  # fmt: skip
+    assert "no alarm in 30 services" in cli("watch", "log.jsonl", "--once").out
+
+
+def test_watch_says_how_many_services_make_no_full_batch(cli, tmp_path):
+    (tmp_path / "log.csv").write_bytes(uneven(71))
+    ended = cli("watch", "log.csv", "--once")
+    assert ended.out.endswith("own; 11 more make no full batch and were not looked at\n")
+    pq.write_table(pa.table({"gender": ["f", "m"] * 16, "responded": [1, 0] * 16}), "log.parquet")
+    assert "own; 2 more make no" in cli("watch", "log.parquet", "--once").out
+
+
+def test_lines_that_end_with_a_carriage_return_are_told(cli, tmp_path):
+    (tmp_path / "log.csv").write_bytes(uneven(60).replace(b"\n", b"\r"))
+    for words in (("watch", "log.csv", "--once"), ("watch", "log.csv"), ("audit", "log.csv")):
+        assert (
+            "row 1: a carriage return stands alone: save with line feeds" in cli(*words).complaint
+        )

@@ -18,7 +18,7 @@ from evenhand.audits.counting import tally
 from evenhand.audits.mapping import Mapping
 from evenhand.audits.sources import Source, open_source
 from evenhand.audits.tally import Tally
-from evenhand.audits.textfiles import LONGEST
+from evenhand.audits.textfiles import LONGEST, OPEN, WITHIN, between
 from evenhand.errors import InputError, unknown
 
 TEXT = (".csv", ".tsv", ".jsonl", ".ndjson")
@@ -36,15 +36,21 @@ class TextTail:
 
     Attributes:
         path: the file.
+        once: read it once only: then a last record needs no line end.
         read: bytes taken from it.
+        rows: found in it, header and empty ones included.
         head: the header of CSV and TSV, empty for JSON Lines.
+        mark: what parts its cells.
         waiting: records that have not been handed out.
         rest: the beginning of a record that is not whole yet.
     """
 
     path: Path
+    once: bool = False
     read: int = 0
+    rows: int = 0
     head: bytes = b""
+    mark: bytes = b""
     waiting: tuple[bytes, ...] = ()
     rest: bytes = b""
 
@@ -52,8 +58,11 @@ class TextTail:
         """Read what has been written since.
 
         Raises:
-            InputError: when the file went away or became shorter.
+            InputError: when the file went away or became shorter, or a quote stands within a cell
+                or is never closed.
         """
+        if self.once and self.read:
+            return
         try:
             with self.path.open("rb") as file:
                 size = os.fstat(file.fileno()).st_size
@@ -67,38 +76,73 @@ class TextTail:
         except OSError as error:
             raise InputError(f"{self.path} cannot be read: {error.strerror or error}") from error
         self.read += len(new)
-        found, self.rest = records(self.rest + new, quoted=self._quoted)
+        self.rest += new
+        if self._quoted and not self.head:
+            self._begin()
+        if self.head or not self._quoted:
+            try:
+                found, self.rest = records(self.rest, self.mark, self.rows + 1)
+            except InputError as error:
+                raise InputError(f"{self.path}, {error}") from None
+            self._take_in(found)
         if len(self.rest) > LONGEST:
             raise InputError(
                 f"{self.path}, behind byte {self.read - len(self.rest)}: a record is longer than "
                 f"{LONGEST} bytes: was a quote never closed?"
             )
-        if self._quoted and not self.head and found:
-            self.head, *found = found
-        self.waiting += tuple(one for one in found if one.strip())
+        if self.once and self.mark and self.rest.count(b'"') % 2:
+            raise InputError(f"{self.path}, row {self.rows + 1}: {OPEN}")
+        if self.once and (self.head or not self._quoted):
+            self._take_in([self.rest])
+            self.rest = b""
 
     def take(self, n: int) -> bytes:
         """The next n records as a file of their own, header included."""
         taken, self.waiting = self.waiting[:n], self.waiting[n:]
         return self.head + b"".join(taken)
 
+    def _begin(self) -> None:
+        """Take the header, once it is whole."""
+        end = self.rest.find(b"\n")
+        while self.rest.count(b'"', 0, max(end, 0)) % 2:
+            end = self.rest.find(b"\n", end + 1)
+        if end >= 0:
+            self.head, self.rest, self.rows = self.rest[: end + 1], self.rest[end + 1 :], 1
+            self.mark = between(self.path, self.head.decode(errors="replace"))[0].encode()
+
+    def _take_in(self, found: list[bytes]) -> None:
+        self.rows += len(found)
+        self.waiting += tuple(one for one in found if one.strip())
+
     @property
     def _quoted(self) -> bool:
         return self.path.suffix.lower() in TEXT[:2]
 
 
-def records(content: bytes, quoted: bool) -> tuple[list[bytes], bytes]:
+def records(content: bytes, mark: bytes = b"", row: int = 1) -> tuple[list[bytes], bytes]:
     """Cut text into records, each with its line end; and what is left behind the last.
 
     Args:
         content: from the beginning of a record on.
-        quoted: a line end between quotation marks belongs to a cell (RFC 4180).
+        mark: what parts two cells; a line end between quotation marks belongs to a cell (RFC
+            4180). Without it, a line is a record.
+        row: number of the first record.
+
+    Raises:
+        InputError: for a quote that opens a cell elsewhere than at its start, or closes it before
+            its end: it would swallow the records after it.
     """
-    found, first, marks = [], 0, 0
-    for at in re.finditer(rb'[\n"]' if quoted else rb"\n", content):
+    found, first, inside = [], 0, False
+    for at in re.finditer(rb'[\n"]' if mark else rb"\n", content):
+        place = at.start()
         if at.group() == b'"':
-            marks += 1
-        elif marks % 2 == 0:
+            beside = (
+                content[place + 1 : place + 2] if inside else content[max(first, place - 1) : place]
+            )
+            if beside not in (b"", mark, b'"', *((b"\n", b"\r") if inside else ())):
+                raise InputError(f"row {row + len(found)}: {WITHIN}")
+            inside = not inside
+        elif not inside:
             found.append(content[first : at.end()])
             first = at.end()
     return found, content[first:]
@@ -113,6 +157,7 @@ class Follower:
         mapping: what they stand for.
         batch: services in each.
         seen: services handed out.
+        left: services behind them that do not make a batch.
         tail: of a text file; None for a table.
         order: column by which a table is in order of time; None for a file that does not grow.
         last: value of that column in the last service handed out.
@@ -122,6 +167,7 @@ class Follower:
     mapping: Mapping
     batch: int
     seen: int = 0
+    left: int = 0
     tail: TextTail | None = None
     order: str | None = None
     last: Any = None
@@ -141,6 +187,7 @@ class Follower:
         if there < self.seen:
             raise InputError(f"{self.source.name} lost rows while it was watched: begin anew")
         full = min((there - self.seen) // self.batch, MOST) * self.batch
+        self.left = there - self.seen - full
         if not full:
             return None
         rows = ordered.limit(full, offset=self.seen)
@@ -168,6 +215,7 @@ class Follower:
     def _from_text(self, tail: TextTail) -> Tally | None:
         tail.grow()
         full = min(len(tail.waiting) // self.batch, MOST) * self.batch
+        self.left = len(tail.waiting) - full
         if not full:
             return None
         try:
@@ -198,6 +246,7 @@ def follower(
     order: str | None,
     batch: int,
     chosen: Callable[[Source], Mapping],
+    once: bool = False,
 ) -> Follower:
     """Begin to follow a log.
 
@@ -207,13 +256,14 @@ def follower(
         order: column by which a database is in order of time.
         batch: services that are counted together.
         chosen: from the log to what its columns stand for.
+        once: a text file is read once, its last record with or without a line end.
 
     Raises:
         InputError: when the log cannot be read, or its order is not known.
     """
     path = Path(source)
     if path.suffix.lower() in TEXT and path.is_file() and table is None:
-        return _text(path, batch, chosen)
+        return _text(path, batch, chosen, once)
     log = open_source(source, table)
     try:
         return _table(log, order, batch, chosen(log))
@@ -222,11 +272,12 @@ def follower(
         raise
 
 
-def _text(path: Path, batch: int, chosen: Callable[[Source], Mapping]) -> Follower:
+def _text(path: Path, batch: int, chosen: Callable[[Source], Mapping], once: bool) -> Follower:
     """What the columns stand for is told by whole records: the last may be half written."""
-    tail = TextTail(path)
+    tail = TextTail(path, once)
     tail.grow()
-    with _apart(path, replace(tail).take(FIRST)) as part:
+    # without a whole line, what there is tells what is wrong with it
+    with _apart(path, replace(tail).take(FIRST) or tail.rest) as part:
         log = replace(open_source(part), name=str(path))
         return Follower(log, _plain(chosen(log)), batch, tail=tail)
 

@@ -29,6 +29,13 @@ LONGEST = 1_000_000
 MARKS = (",", ";", "\t", "|")
 """What can stand between two cells of a CSV file."""
 
+WITHIN = "a quote stands within a cell: quote the whole cell and double the quote"
+"""What is said of a quote that neither opens nor closes a cell."""
+
+OPEN = "a quote is never closed: was the file cut off?"
+"""What is said of a quote that is open at the end."""
+
+_ALONE = "a carriage return stands alone: save with line feeds"
 _BOM = b"\xef\xbb\xbf"
 _LF, _CR, _QUOTE = 10, 13, 34
 _AGAIN = "the header stands there again: delete that row"
@@ -125,6 +132,12 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
             )
 
 
+def between(path: Path, header: str) -> tuple[str, str]:
+    """What parts the cells of a file, and what of its header stands outside of quotes."""
+    outside = "".join(header.split('"')[::2])
+    return "\t" if path.suffix.lower() == ".tsv" else max(MARKS, key=outside.count), outside
+
+
 def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
     """The header as bytes, the names of its columns, and what parts its cells."""
     if not piece.strip():
@@ -139,8 +152,9 @@ def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
     line = line[:end].removesuffix(b"\r")
     try:
         text = line.decode()
-        outside = "".join(text.split('"')[::2])
-        mark = "\t" if path.suffix.lower() == ".tsv" else max(MARKS, key=outside.count)
+        if "\r" in text:
+            raise InputError(f"{path}, row 1: {_ALONE}")
+        mark, outside = between(path, text)
         if mark not in outside:
             raise InputError(
                 f"{path}, row 1: the header has one column only: part the columns by commas, and "
@@ -216,7 +230,7 @@ def _check_quotes(
     if wrong.any():
         raise scan.fail(
             row_of(int(np.argmax(wrong))),
-            "a quote stands within a cell: quote the whole cell and double the quote",
+            WITHIN,
         )
 
 
@@ -232,9 +246,7 @@ def _check_ends(
     # a return right before the piece belongs to it: only now is it known what follows
     alone = (before == _CR) & (a != _LF) & ~np.concatenate([[scan.quoted], inside[:-1]])
     if alone.any():
-        raise scan.fail(
-            row_of(int(np.argmax(alone))), "a carriage return stands alone: save with line feeds"
-        )
+        raise scan.fail(row_of(int(np.argmax(alone))), _ALONE)
     windows = before[ends] == _CR
     if len(ends):
         first = bool(windows[0]) if scan.windows is None else scan.windows
@@ -303,9 +315,9 @@ def _check_header_again(scan: _Scan, piece: bytes, ends: np.ndarray) -> None:
 def _end(scan: _Scan) -> None:
     """What can be told only when the file has ended."""
     if scan.quoted:
-        raise scan.fail(scan.rows + 1, "a quote is never closed: was the file cut off?")
+        raise scan.fail(scan.rows + 1, OPEN)
     if scan.before == _CR:
-        raise scan.fail(scan.rows + 1, "a carriage return stands alone: save with line feeds")
+        raise scan.fail(scan.rows + 1, _ALONE)
     try:
         scan.decoder.decode(b"", final=True)
     except UnicodeDecodeError as error:

@@ -69,6 +69,7 @@ class Watch(Columns):
             self.order_by,
             self.batch,
             lambda source: api.mapping_for(source, mapping, {}),
+            self.once,
         )
         try:
             return self._follow(log, settings)
@@ -92,7 +93,7 @@ class Watch(Columns):
             if not grows:
                 break
             time.sleep(self.every)
-        print(_conclusion(state, self.batch))
+        print(_conclusion(state, self.batch, log.left))
         return 0
 
 
@@ -114,7 +115,7 @@ def _sentence(one: Alarm) -> str:
     )
 
 
-def _conclusion(state: Watching | None, batch: int) -> str:
+def _conclusion(state: Watching | None, batch: int, left: int) -> str:
     if state is None:
         return f"no alarm: there are fewer than {batch} services, which make a batch"
     log_wealth = state.wealth.log_wealth
@@ -124,7 +125,8 @@ def _conclusion(state: Watching | None, batch: int) -> str:
     limit = math.log(2 * streams / state.settings.alpha)
     share = math.exp(min(0.0, float(log_wealth[at]) - limit))
     said = f"{len(state.raised)} alarms" if state.raised else "no alarm"
+    rest = f"; {left:,} more make no full batch and were not looked at" if left else ""
     return (
         f"{said} in {state.services:,} services; the strongest evidence is {group} ({identity}), "
-        f"{state.issues[at[1]]}, at {100 * share:.3g} % of what raises an alarm of its own"
+        f"{state.issues[at[1]]}, at {100 * share:.3g} % of what raises an alarm of its own{rest}"
     )

@@ -69,12 +69,12 @@ def alike(a: Watching, b: Watching) -> None:
 
 
 def test_records_by_hand():
-    assert records(b'a,b\n"x\n",""""\r\n\nhal', True) == (
+    assert records(b'a,b\n"x\n",""""\r\n\nhal', b",") == (
         [b"a,b\n", b'"x\n",""""\r\n', b"\n"],
         b"hal",
     )
-    assert records(b'{"a": "\\""}\n{', False) == ([b'{"a": "\\""}\n'], b"{")
-    assert records(b'"open\n', True) == ([], b'"open\n')
+    assert records(b'{"a": "\\""}\n{') == ([b'{"a": "\\""}\n'], b"{")
+    assert records(b'"open\n', b",") == ([], b'"open\n')
 
 
 @given(
@@ -85,11 +85,27 @@ def test_records_are_the_rows_of_the_csv_module_wherever_they_are_cut(rows, at):
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\n").writerows(rows)
     content = text.getvalue().encode()
-    first, rest = records(content[:at], True)
-    found, left = records(rest + content[at:], True)
+    first, rest = records(content[:at], b",")
+    found, left = records(rest + content[at:], b",")
     assert left == b""
     read = [next(csv.reader(io.StringIO(one.decode(), newline=""))) for one in first + found]
     assert read == rows
+
+
+@pytest.mark.parametrize(
+    ("content", "row"),
+    [
+        (b'a,b\n5" m,yes\nf,no\n', 2),
+        (b'a,b\nf,5"\n', 2),
+        (b'a,b\n"f"x,no\n', 2),
+        (b'a,"b""\n"x\n', 1),
+        (b'a;"b\n', 1),
+    ],
+)
+def test_a_quote_opens_a_cell_at_its_start_only(content, row):
+    """Else it would swallow all records up to the next one, and nobody would know."""
+    with pytest.raises(InputError, match=f"row {row}: a quote stands within a cell"):
+        records(content, b",")
 
 
 # --- the same whenever one looks ---
