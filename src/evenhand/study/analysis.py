@@ -16,7 +16,7 @@ import pyarrow as pa
 from evenhand import errors
 from evenhand.errors import InputError
 from evenhand.report.tables import Table, table
-from evenhand.study import agreement, contrasts, counting, inferred, judging, quality
+from evenhand.study import agreement, belonging, contrasts, counting, inferred, judging, quality
 from evenhand.study.answers import Answers
 from evenhand.study.arrow import pc
 from evenhand.study.judging import Judged
@@ -115,7 +115,8 @@ def analyse(
         clip_seconds: how long the clips of sets and pairs last, by id.
 
     Raises:
-        InputError: when there are no answers, or none that belong to the study.
+        InputError: when there are no answers, none that belong to the study, or one that its
+            question cannot have.
     """
     settings = settings or Settings()
     preview = answers.table["preview"]
@@ -132,6 +133,7 @@ def analyse(
             f"no answer is to a question of the study {plan.name!r}: give the protocol that the "
             "answers belong to"
         )
+    belonging.check(kept, plan)
     simulated = kept.table["simulated"]
     both = {"people": pc.invert(simulated), "simulated": simulated}
     parts = []

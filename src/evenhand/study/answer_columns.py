@@ -11,6 +11,8 @@ from evenhand.study.arrow import pc
 
 KINDS = ("about", "set", "check", "pair", "end")
 """Kinds of pages that ask something."""
+ABOUT_ITEMS = ("set", "check", "pair")
+"""Those that are about something that has a name."""
 STATUSES = ("finished", "begun", "withdrawn")
 """How far participants came."""
 BETWEEN = "|"
@@ -42,6 +44,9 @@ SCHEMA = pa.schema(
 COLUMNS = tuple(SCHEMA.names)
 LOOSE = pa.schema([field.with_nullable(True) for field in SCHEMA])
 """The same with nulls allowed everywhere: what cannot be missing is checked here."""
+
+LARGEST = 2**31 - 1
+"""Of whole numbers: orders, positions and views."""
 
 _CHOICES = {"kind": KINDS, "status": STATUSES}
 
@@ -84,6 +89,14 @@ def checked(table: pa.Table) -> pa.Table:
         if not field.nullable and cells.null_count:
             row = pc.index(pc.is_null(cells), True).as_py()
             raise InputError(f"row {row + 1}, column {field.name!r}: the cell is empty")
+        if pa.types.is_integer(field.type):
+            wrong = pc.or_(pc.less(cells, 0), pc.greater(cells, LARGEST))
+            if pc.any(wrong).as_py():
+                row = pc.index(wrong, True).as_py()
+                raise InputError(
+                    f"row {row + 1}, column {field.name!r}: {cells[row]} is not a whole number "
+                    f"from 0 to {LARGEST}"
+                )
         if field.name in _CHOICES:
             known = pc.is_in(cells, pa.array(_CHOICES[field.name]))
             if not pc.all(known, min_count=0).as_py():
@@ -92,6 +105,12 @@ def checked(table: pa.Table) -> pa.Table:
                 raise InputError(f"row {row + 1}, column {field.name!r}: {wrong}")
         columns.append(cells)
     checked = pa.Table.from_arrays(columns, schema=LOOSE)
+    lacking = pc.and_(pc.is_in(checked["kind"], pa.array(ABOUT_ITEMS)), pc.is_null(checked["item"]))
+    if pc.any(lacking).as_py():
+        row = pc.index(lacking, True).as_py()
+        raise InputError(
+            f"row {row + 1}, column 'item': the cell is empty: name the {checked['kind'][row]}"
+        )
     _check_people(checked)
     return checked
 

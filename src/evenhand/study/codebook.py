@@ -109,7 +109,8 @@ def _questions(answers: Answers, protocol: Protocol | None) -> Iterator[dict[str
             counts = Counter[str]()
             for row in values.value_counts().to_pylist():
                 if row["values"] is not None:
-                    for value in row["values"].split(BETWEEN):
+                    several = one["type"] == "choices"
+                    for value in row["values"].split(BETWEEN) if several else [row["values"]]:
                         counts[value] += row["counts"]
             labels = one.pop("labels", {})
             listed = [*labels, *sorted(value for value in counts if value not in labels)]

@@ -23,7 +23,7 @@ from evenhand.detector import Detector
 from evenhand.detector_report import Share, wilson
 from evenhand.errors import InputError
 from evenhand.judgements import DISCRIMINATIONS, IDENTITIES, SIMULATED, SOURCES
-from evenhand.study import judging
+from evenhand.study import belonging, judging
 from evenhand.study.answers import Answers
 from evenhand.study.arrow import pc
 from evenhand.study.protocol import Protocol
@@ -132,12 +132,14 @@ def judgements(answers: Answers, study: Protocol) -> Judgements:
         study: whose sets state the scores of their robots.
 
     Raises:
-        InputError: when no set states scores, or nothing was judged.
+        InputError: when no set states scores, nothing was judged, or an answer is one that its
+            question cannot have.
     """
     if not any(one.scores for one in study.sets):
         raise InputError(
             f"study {study.name!r} states no issue scores of any robot: add scores to its [[sets]]"
         )
+    belonging.check(answers, study)
     judged = judging.judge(answers, study)
     known = ~np.isnan(judged.biased)
     scored = np.array([bool(one.scores) for one in study.sets])

@@ -9,6 +9,7 @@ import numpy as np
 from evenhand.study.answer_columns import BETWEEN
 from evenhand.study.answers import Answers
 from evenhand.study.arrow import pc
+from evenhand.study.belonging import MOST_POINTS
 from evenhand.study.judging import NOTHING, numbers
 from evenhand.study.protocol import (
     ABOUT,
@@ -47,8 +48,8 @@ def study_of(answers: Answers) -> Protocol:
         sets=tuple(ClipSet(name, ()) for name in dict.fromkeys(row["item"] for row in of["set"])),
         questions=tuple(questions.values()),
         demographics=tuple(
-            Demographic(row["question"], row["question"], tuple(_values(answers, row["question"])))
-            for row in of["about"]
+            Demographic(name, name, tuple(_values(answers, name)))
+            for name in dict.fromkeys(row["question"] for row in of["about"])
         ),
         pairs=tuple(Pair(name, "", "") for name in dict.fromkeys(r["item"] for r in of["pair"])),
         checks=tuple(Check(name, name, (), "", 0) for name in checks),
@@ -61,10 +62,11 @@ def _question(answers: Answers, row: dict[str, Any]) -> Question:
     options: tuple[Option, ...] = ()
     if kind == "scale":
         asked = answers.table.filter(pc.equal(answers.table["question"], name))
-        points = max(points, int(np.nan_to_num(numbers(asked["number"])).max(initial=0)))
+        largest = np.nan_to_num(numbers(asked["number"])).max(initial=0)
+        points = int(np.clip(largest, points, MOST_POINTS))
     elif kind != "text":
         usual = ROLE_VALUES.get(role, ())
-        values = _values(answers, name)
+        values = _values(answers, name, kind == "choices")
         known = [value for value in usual if value in values]
         rest = [value for value in values if value not in usual and value != NOTHING]
         options = tuple(Option(v, v) for v in [*known, *rest] + [NOTHING] * (NOTHING in values))
@@ -72,7 +74,9 @@ def _question(answers: Answers, row: dict[str, Any]) -> Question:
     return Question(name, name, kind, role, row["kind"], points=points, options=options)
 
 
-def _values(answers: Answers, question: str) -> list[str]:
+def _values(answers: Answers, question: str, several: bool = False) -> list[str]:
     asked = answers.table.filter(pc.equal(answers.table["question"], question))
-    found = pc.unique(asked["value"]).to_pylist()
-    return sorted({one for value in found if value is not None for one in value.split(BETWEEN)})
+    found = [value for value in pc.unique(asked["value"]).to_pylist() if value is not None]
+    if several:
+        found = [one for value in found for one in value.split(BETWEEN)]
+    return sorted(set(found))

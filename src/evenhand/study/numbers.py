@@ -104,6 +104,8 @@ def _agreement(
     values = [one.value for one in question.options]
     if question.type == "scale":
         values = [str(point) for point in range(1, question.points + 1)]
+    # previews may have been answered before the study was changed
+    found = [one for one in found if one.value in values]
     sets = sorted({item for item, _, _ in found})
     counts = np.zeros((len(sets), len(values)))
     for item, value, n in found:

@@ -246,8 +246,9 @@ def mistakes(protocol: Protocol) -> Iterator[tuple[Place, str]]:
         for number, one in enumerate(getattr(protocol, kind)):
             if len(set(one.options)) < len(one.options):
                 yield (kind, number, "options"), "an option stands twice"
-            if kind == "demographics" and PREFER_NOT in one.options:
-                yield (kind, number, "options"), f"{PREFER_NOT!r} is always added: leave it out"
+            if PREFER_NOT in one.options:
+                why = "always added" if kind == "demographics" else "stored as no answer"
+                yield (kind, number, "options"), f"{PREFER_NOT!r} is {why}: leave it out"
     if "{code}" in protocol.redirect and not protocol.completion_code:
         yield ("study", "redirect"), "it holds {code}, but there is no completion_code: add one"
 
@@ -296,6 +297,8 @@ def _question(question: Question) -> Iterator[tuple[str, str]]:
         yield "options", f"type {question.type!r} has no options: leave them out"
     if len(set(values)) < len(values):
         yield "options", "a value stands twice"
+    if PREFER_NOT in values and question.required:
+        yield "options", f"{PREFER_NOT!r} is stored as no answer: leave it out, or required = false"
     for value in values:
         allowed = ROLE_VALUES.get(question.role)
         if question.type == "pair":

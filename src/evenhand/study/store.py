@@ -234,5 +234,15 @@ def _bind(connection: Connection, study: Protocol, name: str) -> None:
             f"{name} holds {begun} participants of {study.name!r} as it was before its questions, "
             "sets or consent were changed: give another --db for the changed study"
         )
+    if print_ is not None:
+        _forget_previews(connection)
     write_note(connection, "study", study.name)
     write_note(connection, "fingerprint", study.fingerprint())
+
+
+def _forget_previews(connection: Connection) -> None:
+    """Previews of the study as it was are answers to questions that nobody asks any more."""
+    people = tables.participants
+    previews = select(people.c.participant).where(people.c.preview)
+    for table in (tables.answers, tables.pages, tables.external, people):
+        connection.execute(delete(table).where(table.c.participant.in_(previews)))

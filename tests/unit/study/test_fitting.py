@@ -1,5 +1,7 @@
 """From answers to a detector: the rule, what is refused, where it says it comes from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,7 +31,9 @@ def test_judgements_by_hand():
     rows = [*judged("a", "late", 2, "priority", "age"), *judged("a", "even-one", 3, "none", "none"),
             *judged("b", "late", 1, "priority", "race|age"), *judged("b", "too-close", None),
             *judged("b", "from-afar", 1, "quality", "none")]  # fmt: skip
-    found = fitting.judgements(Answers.of_rows(rows), protocol())
+    asked = [replace(q, type="choices" if q.id == "towards" else q.type)
+             for q in protocol().questions]  # fmt: skip
+    found = fitting.judgements(Answers.of_rows(rows), protocol(questions=tuple(asked)))
     told = list(zip(found.participant, found.set, found.biased, found.kinds, strict=True))
     # sets in the order of the study: from-afar 1, late 2, even-one 4
     assert [(int(p), int(s), bool(b), k) for p, s, b, k in told] == [

@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import text
 
 from evenhand.errors import InputError
-from evenhand.study import backup, engines, migrate, participating, rights, rows, tables
+from evenhand.study import backup, engines, migrate, numbers, participating, rights, rows, tables
 from evenhand.study.participating import Sent, hashed
 from evenhand.study.protocol import Protocol
 from evenhand.study.refusals import StorageError
@@ -186,6 +186,28 @@ def test_another_study_and_a_changed_one_need_another_database(kept, db):
     begin(kept)
     assert "holds 1 participants of 'tiny' as it was before" in refused(db, changed)
     opened(str(db), replace(STUDY, thanks="Thank you very much.")).dispose()
+
+
+def test_previews_go_when_the_study_is_changed(kept, db):
+    """Their answers may be none that the changed questions have."""
+    go(kept, begin(kept, preview=True))
+    assert numbers.read(kept, STUDY)["preview"]["counts"]["began"] == 1
+    fair, *others = STUDY.questions
+    shorter = replace(STUDY, questions=(replace(fair, points=2), *others))
+    again = opened(str(db), shorter)
+    assert numbers.read(again, shorter)["preview"]["counts"]["began"] == 0
+    assert not list(rows.read(again, previews=True))
+    again.dispose()
+
+
+def test_a_value_that_a_question_does_not_have_is_in_no_number(kept):
+    go(kept, begin(kept, preview=True))
+    with kept.write() as connection:
+        connection.execute(text("UPDATE study_answers SET value = '9' WHERE question = 'fair'"))
+    told = numbers.read(kept, STUDY)["preview"]["agreement"]
+    assert next(one for one in told if one["question"] == "fair") == {
+        "question": "fair", "alpha": None, "answers": 0
+    }  # fmt: skip
 
 
 # --- other versions ---
