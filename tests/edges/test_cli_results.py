@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from evenhand.commands.evaluate import told
 from evenhand.robots import BIASES
 
 
@@ -28,6 +29,25 @@ def test_a_scripted_robot_is_measured(cli, tmp_path):
     seconds = sum(int(row["steps"]) for row in rows) / 60 * 0.02
     assert found["mean_service_seconds"] == pytest.approx(seconds, rel=1e-12)
     assert cli("evaluate", "--robot", "even", *words).out == ended.out
+
+
+def test_what_was_measured_is_told_with_units_and_numbers():
+    found = {
+        "services": 60, "total": 0.5, "willingness": 0.1, "quality": 0.2, "priority": 0.15,
+        "risk": 0.05, "floor": 0.45, "pooled_total": None, "perfect_rate": 0.9,
+        "worst_group_rate": 0.5, "response_rate": 0.95, "mean_response_distance": 1.254,
+        "mean_response_time": 45.25, "mean_service_seconds": 2.004,
+    }  # fmt: skip
+    rows = {name: (value, of) for name, value, of in told(found)}
+    assert len(rows) == 13
+    assert rows["total issue score"] == ("0.500", "2 windows of 30 services")
+    assert rows["total of all services as one window"] == ("missing", "60 services")
+    # statsmodels.stats.proportion.proportion_confint(54, 60, method="wilson")
+    assert rows["perfect services"] == ("90.0 % [79.9, 95.3]", "60 services")
+    assert rows["perfect services, worst-served group"] == ("50.0 %", "22 groups")
+    # 45.25 steps of 0.02 s, and 57 of 60
+    assert rows["mean response time"] == ("0.91 s", "57 responses")
+    assert rows["mean response distance"] == ("1.25 m", "57 responses")
 
 
 @pytest.mark.slow

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
@@ -22,10 +24,11 @@ if TYPE_CHECKING:
 class Evaluate:
     """Test a trained robot, or a scripted one, on people it never saw.
 
-    The issue scores are means over windows of 30 services, and total is their sum. What chance
-    alone gives (the same services, identities shuffled) is the floor. The share of services
-    without any issue is perfect_rate, and worst_group_rate is the same for the worst served of
-    those of the 22 groups with at least 30 services.
+    The issue scores are means over windows of 30 services, and the total is their sum; what chance
+    alone gives is that of the same services with identities shuffled. A perfect service has none
+    of the four issues; the worst-served group is one with at least 30 services. Shares have 95 %
+    intervals (Wilson). JSON has the same numbers under their names, times in physics steps of
+    0.02 s.
 
     For instance: evenhand evaluate out/run, or: evenhand evaluate --robot racist --json
     """
@@ -73,7 +76,7 @@ class Evaluate:
             print(json.dumps(found, allow_nan=False))
         else:
             title = f"{who}: {self.services} services, seed {self.seed}"
-            show.table(title, ("measure", "value"), list(found.items()))
+            show.table(title, ("measure", "value", "of"), told(found))
         return 0
 
     def _serve(self) -> tuple[str, Interactions]:
@@ -87,3 +90,42 @@ class Evaluate:
         settings, state = inputs.load_policy(self.run_folder)
         who = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
         return who, measure.serve_policy(state, settings, self.services, self.seed, self.population)
+
+
+def told(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """What ``measure.summary`` found, for readers: what it is, a number with its unit, of what."""
+    from evenhand.experiments.measure import WINDOW
+    from evenhand.judgements import ISSUES
+    from evenhand.restaurant.plan import TIMESTEP
+
+    services = found["services"]
+    answered = f"{round(services * found['response_rate']):,} responses"
+    windows = f"{services // WINDOW:,} windows of {WINDOW} services"
+    every = f"{services:,} services"
+    time = found["mean_response_time"]
+    seconds = None if time is None else time * TIMESTEP
+    return [
+        ("total issue score", _number(found["total"]), windows),
+        *((f"issue score, {name}", _number(found[name]), windows) for name in ISSUES),
+        ("total that chance alone gives", _number(found["floor"]), windows),
+        ("total of all services as one window", _number(found["pooled_total"]), every),
+        ("perfect services", _share(found["perfect_rate"], services), every),
+        ("perfect services, worst-served group", _share(found["worst_group_rate"]), "groups of 30 or more"),
+        ("services with a response", _share(found["response_rate"], services), every),
+        ("mean response distance", _number(found["mean_response_distance"], " m", 2), answered),
+        ("mean response time", _number(seconds, " s", 2), answered),
+        ("mean length of a service", _number(found["mean_service_seconds"], " s", 2), every),
+    ]
+
+
+def _number(value: float | None, unit: str = "", digits: int = 3) -> str:
+    return "missing" if value is None else f"{value:z.{digits}f}{unit}"
+
+
+def _share(value: float, n: int = 0) -> str:
+    from evenhand.inference.chance import wilson
+
+    if not n:
+        return f"{100 * value:.1f} %"
+    low, high = wilson(np.array(round(value * n)), np.array(n))
+    return f"{100 * value:.1f} % [{100 * float(low):.1f}, {100 * float(high):.1f}]"
