@@ -97,6 +97,7 @@ def render(findings: Findings, about: About) -> str:
         findings=findings,
         icons=ICONS,
         counts=_counts(findings),
+        headline=headline(findings),
         told=words.summary(findings, about),
         listed=LISTED,
         plates=[plate(findings, name, i) for i, name in enumerate(figures.identities(findings))],
@@ -123,6 +124,17 @@ def render(findings: Findings, about: About) -> str:
             ("Permutations", f"{verdict.permutations:,}"),
             ("Seed", str(findings.settings.seed)),
         ],
+    )
+
+
+def headline(findings: Findings) -> str:
+    """The verdict of the log; where it is not of all comparisons, of how many."""
+    counts = dict(_counts(findings))
+    if findings.verdict != NO_EVIDENCE or not counts[INSUFFICIENT]:
+        return findings.verdict
+    return (
+        f"{NO_EVIDENCE} in {counts[NO_EVIDENCE]:,} of {len(findings.findings):,} comparisons, too "
+        "few services in the others"
     )
 
 

@@ -6,31 +6,47 @@ import datetime
 import decimal
 import itertools
 import math
+import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from evenhand.audits.tally import UNKNOWN
 
+_WHOLE = re.compile(r"(0|-?[1-9][0-9]*)\.0+")
+
 
 def text_of(value: Any) -> str:
     """The group that a cell names; nothing, blanks and NaN are ``UNKNOWN``.
 
-    A whole number is written alike whether a table holds it as 3, 3.0 or "3".
+    A whole number is written alike whether a table holds it as 3, 3.0, "3" or "3.0".
     """
     if value is None:
         return UNKNOWN
     if isinstance(value, str):
-        return value.strip() or UNKNOWN
+        text = value.strip()
+        whole = _WHOLE.fullmatch(text)
+        return (whole[1] if whole else text) or UNKNOWN
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, float | decimal.Decimal):
-        number = float(value)
-        if math.isnan(number):
+    if isinstance(value, decimal.Decimal):
+        # by its digits: a double would take large ones for each other
+        return UNKNOWN if value.is_nan() else _plain(format(value, "f"))
+    if isinstance(value, float):
+        if math.isnan(value):
             return UNKNOWN
-        return str(int(number)) if number.is_integer() else repr(number)
+        return str(int(value)) if value.is_integer() else repr(value)
     if isinstance(value, datetime.date | datetime.time):
         return value.isoformat()
     return str(value)
+
+
+def _plain(digits: str) -> str:
+    """Decimal digits without a fraction of noughts."""
+    whole, _, fraction = digits.partition(".")
+    fraction = fraction.rstrip("0")
+    if fraction:
+        return f"{whole}.{fraction}"
+    return "0" if whole == "-0" else whole
 
 
 def ordered(texts: Iterable[str]) -> tuple[str, ...]:

@@ -80,6 +80,9 @@ class Mapping:
     depth: int = 1
 
     def __post_init__(self) -> None:
+        for several in ("identities", "measures", "within"):
+            if isinstance(getattr(self, several), str):  # one name, not its letters
+                object.__setattr__(self, several, (getattr(self, several),))
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
             raise unknown("unit of time", self.time_unit, TIME_UNITS)
         if self.distance_unit is not None and self.distance_unit not in DISTANCE_UNITS:
@@ -204,6 +207,17 @@ def check_edges(name: str, edges: Iterable[float]) -> None:
     Raises:
         InputError: when they are not finite and rising, or there are none.
     """
-    numbers = np.asarray(list(edges), float)
-    if not len(numbers) or not np.isfinite(numbers).all() or (np.diff(numbers) <= 0).any():
-        raise InputError(f"bins of {name!r} must be rising numbers: give them as {name}=18,40,65")
+    try:
+        numbers = np.asarray([] if isinstance(edges, str) else list(edges), float)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if (
+        numbers.ndim != 1
+        or not len(numbers)
+        or not np.isfinite(numbers).all()
+        or (np.diff(numbers) <= 0).any()
+    ):
+        raise InputError(
+            f"bins of {name!r} must be rising numbers: give them as {name}=18,40,65, in Python as "
+            f"{{{name!r}: (18, 40, 65)}}"
+        )

@@ -60,7 +60,7 @@ def registered(con: Any, at: str, frame: pa.Table, name: str) -> ir.Table:
     """
     try:
         con.con.register(at, frame)
-        return con.table(at)
+        return _typed(con.table(at))
     except (duckdb.Error, pa.ArrowException, NotImplementedError) as error:
         raise InputError(f"{name} cannot be read: {one_line(error)}") from error
 
@@ -110,6 +110,14 @@ def _namer(numbers: list[int] | None) -> Callable[[int], str]:
     return lambda n: f"line {numbers[n] if numbers else n + 1}"
 
 
+def _typed(table: ir.Table) -> ir.Table:
+    """Columns in which nothing is known as empty text: they have no type of their own."""
+    empty = [
+        name for name, kind in table.schema().items() if kind.is_unknown() and "NULL" in str(kind)
+    ]
+    return table.mutate(**{name: ibis.null("string") for name in empty}) if empty else table
+
+
 def _parquet(con: Any, paths: list[Path]) -> Read:
     parts, rows = [], 0
     for i, path in enumerate(paths):
@@ -125,7 +133,7 @@ def _parquet(con: Any, paths: list[Path]) -> Read:
             )
         except duckdb.Error as error:
             raise damaged(path, "Parquet", error) from error
-        parts.append(Part(str(path), table, lambda n: f"row {n + 1}"))
+        parts.append(Part(str(path), _typed(table), lambda n: f"row {n + 1}"))
     return _some(parts, rows, paths)
 
 

@@ -132,9 +132,15 @@ def open_source(source: object, table: str | None = None) -> Source:
     if isinstance(source, pa.Table):
         return _from_arrow(source, "data frame", "data frame")
     if hasattr(source, "__arrow_c_stream__"):
+        check_names("data frame", tuple(map(str, getattr(source, "columns", ()))))
         try:
             frame = pa.table(source)
         except (pa.ArrowException, TypeError, ValueError) as error:
+            if "non-struct type" in str(error):
+                raise InputError(
+                    f"{type(source).__name__} is a single column: give a data frame with a column "
+                    "of identities and one of responses"
+                ) from error
             raise InputError(
                 f"the data frame is no plain table: {one_line(error)}: give each column one type"
             ) from error

@@ -164,7 +164,8 @@ class Audit(Columns):
     resembles; else the one that comes with Evenhand, of simulated respondents."""
 
     fail_on: Literal["nothing", "disparity", "insufficient"] = "nothing"
-    """For pipelines: end with exit code 3 on a disparity; or on that and on insufficient data."""
+    """For pipelines: end with exit code 3 on a disparity; or on that, and where no comparison has
+    enough services."""
 
     def run(self, command: str) -> int:
         """Audit, write, print."""

@@ -198,6 +198,8 @@ def _read_csv(path: Path) -> pa.Table:
         )
     except pa.ArrowInvalid as error:
         raise InputError(f"it is no CSV file of answers: {_first_line(error)}") from error
+    if len(table.column_names) == 1 and ";" in table.column_names[0]:
+        raise InputError("its columns are parted by ';': save it with commas")
     check_names(table.column_names)
     columns = []
     for name in table.column_names:
@@ -216,6 +218,8 @@ def _parsed(cells: Any, field: pa.Field) -> Any:
         lower = pc.utf8_lower(cells)
         cells = pc.if_else(pc.is_in(lower, pa.array(_YES)), "true", cells)
         cells = pc.if_else(pc.is_in(lower, pa.array(_NO)), "false", cells)
+    if pa.types.is_integer(field.type):  # as some programs write them where any is missing
+        cells = pc.replace_substring_regex(cells, r"^(-?[0-9]+)\.0+$", r"\1")
     try:
         return cells.cast(field.type)
     except pa.ArrowInvalid:

@@ -254,3 +254,14 @@ def test_the_figure_of_waiting_draws_the_numbers(made_up):
 )
 def test_long_names_are_cut_where_least_is_lost(name, letters, said):
     assert figures.elided(name, letters) == said
+
+
+def test_a_headline_of_no_evidence_says_how_much_could_be_told(made_up, about, one):
+    known = [one("gender", group, "risk", (1, 9), (1, 9)) for group in ("a", "b")]
+    few = [one("age", group, "risk", (0, 2), (1, 7), "insufficient data") for group in "cde"]
+    part = card.render(made_up(findings=(*known, *few), verdict="no evidence"), about)
+    said = "o evidence in 2 of 5 comparisons, too few services in the others"
+    assert f": n{said}</title>" in part
+    assert f"</span>N{said}</span>" in part
+    assert card.headline(made_up(findings=known, verdict="no evidence")) == "no evidence"
+    assert card.headline(made_up()) == "disparity"

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -189,3 +190,22 @@ def test_without_a_protocol_the_codebook_tells_what_was_answered():
     (found,) = codebook(Answers.of_rows(rows))["questions"]
     assert found["type"] == "choices"
     assert [(o["value"], o["count"]) for o in found["options"]] == [("x", 1), ("y", 2)]
+
+
+def test_a_file_that_another_program_wrote(tmp_path):
+    """Whole numbers are written as 1.0 where any is missing; some spreadsheets part by ';'."""
+    path = tmp_path / "answers.csv"
+    said = row("ann", "set:late", "fair", value="2", number=2.0, views=1)
+    other = row("ann", "set:late", "issue", value="risk", views=None)
+    written = Answers.of_rows([said, other])
+    frame = pd.DataFrame(written.rows())
+    frame.to_csv(path, index=False)
+    assert "1.0" in path.read_text().splitlines()[1]
+    assert read(path).table["views"].to_pylist() == [1, None]
+    frame["views"] = 1.5
+    frame.to_csv(path, index=False)
+    with pytest.raises(InputError, match=r"column 'views': '1\.5' is not a whole number"):
+        read(path)
+    frame.to_csv(path, index=False, sep=";")
+    with pytest.raises(InputError, match="its columns are parted by ';': save it with commas"):
+        read(path)
