@@ -39,12 +39,14 @@ def test_what_was_measured_is_told_with_units_and_numbers():
         "mean_response_time": 45.25, "mean_service_seconds": 2.004,
     }  # fmt: skip
     rows = {name: (value, of) for name, value, of in told(found)}
+    few = {name: value for name, value, _ in told(found | {"worst_group_rate": None})}
+    assert few["perfect services, worst-served group"] == "missing"
     assert len(rows) == 13
     assert rows["total issue score"] == ("0.500", "2 windows of 30 services")
     assert rows["total of all services as one window"] == ("missing", "60 services")
     # statsmodels.stats.proportion.proportion_confint(54, 60, method="wilson")
     assert rows["perfect services"] == ("90.0 % [79.9, 95.3]", "60 services")
-    assert rows["perfect services, worst-served group"] == ("50.0 %", "22 groups")
+    assert rows["perfect services, worst-served group"] == ("50.0 %", "groups of 30 or more")
     # 45.25 steps of 0.02 s, and 57 of 60
     assert rows["mean response time"] == ("0.91 s", "57 responses")
     assert rows["mean response distance"] == ("1.25 m", "57 responses")

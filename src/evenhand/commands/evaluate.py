@@ -110,7 +110,11 @@ def told(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ("total that chance alone gives", _number(found["floor"]), windows),
         ("total of all services as one window", _number(found["pooled_total"]), every),
         ("perfect services", _share(found["perfect_rate"], services), every),
-        ("perfect services, worst-served group", _share(found["worst_group_rate"]), "groups of 30 or more"),
+        (
+            "perfect services, worst-served group",
+            _share(found["worst_group_rate"]),
+            "groups of 30 or more",
+        ),
         ("services with a response", _share(found["response_rate"], services), every),
         ("mean response distance", _number(found["mean_response_distance"], " m", 2), answered),
         ("mean response time", _number(seconds, " s", 2), answered),
@@ -122,9 +126,11 @@ def _number(value: float | None, unit: str = "", digits: int = 3) -> str:
     return "missing" if value is None else f"{value:z.{digits}f}{unit}"
 
 
-def _share(value: float, n: int = 0) -> str:
-    from evenhand.inference.chance import wilson
+def _share(value: float | None, n: int = 0) -> str:
+    from evenhand.inference.intervals import wilson
 
+    if value is None:
+        return "missing"
     if not n:
         return f"{100 * value:.1f} %"
     low, high = wilson(np.array(round(value * n)), np.array(n))
