@@ -172,6 +172,11 @@ def of_groups(n: int) -> str:
     return f"{n:,} group{'s' if n != 1 else ''}"
 
 
+def last(p: float) -> float:
+    """A p-value for sorting: what is not known comes last."""
+    return math.inf if math.isnan(p) else p
+
+
 def same(within: str) -> str:
     """Such as "within the same site"."""
     return f"within the same {shown(within)}"

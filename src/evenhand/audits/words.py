@@ -19,6 +19,7 @@ from evenhand.audits.phrases import (
     OfGroup,
     delta,
     joined,
+    last,
     level,
     number,
     of_groups,
@@ -190,7 +191,7 @@ def unknown_sentences(listed: Sequence[Finding]) -> list[str]:
             for one in listed
             if (one.identity, one.group, one.verdict) == (identity, group, INSUFFICIENT)
         ]
-        some = [one for one in few if one.n and one.rest_n]
+        some = [one for one in few if not math.isnan(one.difference)]
         if some:
             needed = [one.needed for one in some if not math.isnan(one.needed)]
             do = f"; a log of about {rounded_up(max(needed)):,} services would do" if needed else ""
@@ -201,12 +202,12 @@ def unknown_sentences(listed: Sequence[Finding]) -> list[str]:
                 f"{who(some[0])}, {sizes}: too few to tell for "
                 f"{joined([shown(one.issue) for one in some])}{do}."
             )
-        empty = [one for one in few if not (one.n and one.rest_n)]
+        empty = [one for one in few if math.isnan(one.difference)]
         if empty:
-            why = "no service of this group" if not empty[0].n else "no service of others"
+            others = "others of the same stratum" if empty[0].rest_n else "others"
             said.append(
-                f"{who(empty[0])}: {why} says anything of "
-                f"{joined([shown(one.issue) for one in empty])}."
+                f"{who(empty[0])}: no service of {others if empty[0].n else 'this group'} says "
+                f"anything of {joined([shown(one.issue) for one in empty])}."
             )
     return said
 
@@ -266,7 +267,7 @@ def measure_sentences(findings: Findings) -> list[str]:
     said = []
     for name in dict.fromkeys(one.measure for one in findings.measures):
         these = [one for one in findings.measures if one.measure == name]
-        unequal = [one for one in these if min(_last(one.mean_p), _last(one.median_p)) <= alpha]
+        unequal = [one for one in these if min(last(one.mean_p), last(one.median_p)) <= alpha]
         said += [_measure(one, alpha) for one in unequal]
         lost = sum(math.isnan(one.mean_p) and math.isnan(one.median_p) for one in these)
         if len(these) - len(unequal) - lost:
@@ -285,13 +286,9 @@ def _measure(one: MeasureFinding, alpha: float) -> str:
             ("mean", one.mean, one.rest_mean, one.mean_p),
             ("median", one.median, one.rest_median, one.median_p),
         )
-        if _last(p) <= alpha
+        if last(p) <= alpha
     ]
     return f"{shown(one.measure)} of {who(one)}, {services(one.n)}: {'; '.join(parts)}."
-
-
-def _last(p: float) -> float:
-    return math.inf if math.isnan(p) else p
 
 
 def resemblance_sentences(listed: Sequence[Resemblance], about: About) -> list[str]:

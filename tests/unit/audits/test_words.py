@@ -104,6 +104,11 @@ def test_a_group_without_others_is_said(one):
     assert words.unknown_sentences([alone]) == [
         "“only” (site): no service of others says anything of risk."
     ]
+    # 9 here and 30 there, but never at the same site
+    apart = replace(one("age", "old", "risk", (1, 9), (3, 30), "insufficient data"), difference=NAN)
+    assert words.unknown_sentences([apart]) == [
+        "“old” (age): no service of others of the same stratum says anything of risk."
+    ]
 
 
 def test_waiting_names_the_groups_that_differ_and_counts_the_rest(told):
