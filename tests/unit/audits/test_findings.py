@@ -62,7 +62,7 @@ def test_callbacks_by_name_as_published():
         proportion_confint(x, 2435, alpha=0.05 / 2, method="beta") for x in (235, 157)
     )
     p, q = 235 / 2435, 157 / 2435
-    low, high = p - q - math.hypot(p - a, d - q), p - q + math.hypot(b - p, q - c)
+    low, high = p - q - np.hypot(p - a, d - q), p - q + np.hypot(b - p, q - c)
     assert (white.low, white.high) == pytest.approx((low, high), abs=1e-9)
     assert (black.low, black.high) == pytest.approx((-high, -low), abs=1e-9)
 
