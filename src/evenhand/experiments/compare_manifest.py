@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +42,7 @@ def write(
     files.write_json(
         out / "manifest.json",
         {
-            "version": made["versions"]["evenhand"],
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "command": command,
-            "commit": made["commit"],
+            **origin.heading(made, command),
             "settings": {n: list(v) if isinstance(v, tuple) else v for n, v in plain.items()},
             "versions": made["versions"],
             "made_with": origin.distinct(origins),

@@ -10,6 +10,7 @@ import functools
 import subprocess
 from collections.abc import Iterable
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,21 @@ Origin = dict[str, Any]
 def now() -> Origin:
     """Versions and commit of the code that runs."""
     return {"versions": run.versions(), "commit": commit()}
+
+
+def heading(made: Origin, command: str) -> dict[str, Any]:
+    """What a manifest begins with: version, moment, command, commit.
+
+    Args:
+        made: as ``now`` gives it.
+        command: as it was typed.
+    """
+    return {
+        "version": made["versions"]["evenhand"],
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command,
+        "commit": made["commit"],
+    }
 
 
 def world(scenario: Scenario) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -308,10 +307,7 @@ def _write_manifest(
     files.write_json(
         out / "manifest.json",
         {
-            "version": made["versions"]["evenhand"],
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "command": command,
-            "commit": made["commit"],
+            **origin.heading(made, command),
             # of everything in the folder, whichever call added it
             "settings": plain | {"preset": list(seeds_of), "seeds": len(seeds)},
             "versions": made["versions"],
