@@ -1,7 +1,8 @@
 """Speed, measured side by side in one run: every number is a median over rounds that take turns.
 
-Rates are per second of processor time of this one-threaded process, so that other work on the
-machine disturbs them little.
+The environments are measured twice: as they come, with a thread for each processor, by the clock;
+and on one thread, by the processor time of this process, which other work on the machine disturbs
+little. The bare loop and SyncVectorEnv know one thread only.
 
 The bare loop steps one ``MjData`` with ``mj_step`` through services that the environment has
 served before: the same model, places and drive commands, and nothing else.
@@ -23,6 +24,7 @@ from mujoco.batch import Batch
 
 from evenhand import detector_io, people
 from evenhand import show as display
+from evenhand.cores import CORES
 from evenhand.errors import InputError
 from evenhand.experiments.measure import WINDOW
 from evenhand.interactions import Interactions
@@ -57,47 +59,59 @@ def measure(seconds: float) -> dict[str, Any]:
     Returns:
         ``bare_steps_per_s``, ``env_steps_per_s_30``, ``env_steps_per_s_240``,
         ``sync_steps_per_s``, services a second likewise, ``ratio_30`` and ``ratio_240`` (to the
-        bare loop), ``ratio_sync`` (30 at a time, to SyncVectorEnv), ``epoch_share``,
-        ``reflection_ratio``, and the circumstances.
+        bare loop), ``ratio_sync`` (30 at a time, to SyncVectorEnv), all by the clock; the ratios
+        on one thread (``..._one_thread``); ``epoch_share``, ``reflection_ratio``, and the
+        circumstances.
     """
     if not 0.01 <= seconds <= 600:
         raise InputError(f"seconds is {seconds}: give 0.01 to 600")
     actor = Actor(begin(settings_of("service", "ppo", "penalty")).policy)
     works: dict[str, Stepper] = {
         "bare": bare(),
-        "env_30": _vector(30, actor),
-        "env_240": _vector(240, actor),
+        "30": _vector(30, actor, CORES),
+        "240": _vector(240, actor, CORES),
+        "30_one_thread": _vector(30, actor, 1),
+        "240_one_thread": _vector(240, actor, 1),
         "sync": _sync(30, actor),
     }
-    rates: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
+    rates: dict[str, list[tuple[float, float, float]]] = {name: [] for name in works}
     for work in works.values():
         work(min(seconds, 0.3))  # warm
     rounds = max(1, round(seconds / _TURN))
     for _ in range(rounds):
         for name, work in works.items():
-            began = process_time()
+            clock, processor = perf_counter(), process_time()
             steps, services = work(seconds / rounds)
-            spent = process_time() - began
-            rates[name].append((steps / spent, services / spent))
+            clock, processor = perf_counter() - clock, process_time() - processor
+            rates[name].append((steps / clock, services / clock, steps / processor))
     speed = {name: np.array(rate) for name, rate in rates.items()}
-    steps = {name: float(np.median(rate[:, 0])) for name, rate in speed.items()}
+    steps, services, per_processor = range(3)
 
-    def ratio(a: str, b: str) -> float:
+    def median(name: str, what: int) -> float:
+        return float(np.median(speed[name][:, what]))
+
+    def ratio(a: str, b: str, what: int = steps) -> float:
         """Median over rounds, so that a slow moment hits both."""
-        return round(float(np.median(speed[a][:, 0] / speed[b][:, 0])), 3)
+        return round(float(np.median(speed[a][:, what] / speed[b][:, what])), 3)
 
     shares, reflection = epoch_share()
     return {
-        "bare_steps_per_s": round(steps["bare"]),
-        "env_steps_per_s_30": round(steps["env_30"]),
-        "env_steps_per_s_240": round(steps["env_240"]),
-        "sync_steps_per_s": round(steps["sync"]),
-        "services_per_s_30": round(float(np.median(speed["env_30"][:, 1])), 1),
-        "services_per_s_240": round(float(np.median(speed["env_240"][:, 1])), 1),
-        "sync_services_per_s": round(float(np.median(speed["sync"][:, 1])), 1),
-        "ratio_30": ratio("env_30", "bare"),
-        "ratio_240": ratio("env_240", "bare"),
-        "ratio_sync": ratio("env_30", "sync"),
+        "bare_steps_per_s": round(median("bare", steps)),
+        "env_steps_per_s_30": round(median("30", steps)),
+        "env_steps_per_s_240": round(median("240", steps)),
+        "env_steps_per_s_30_one_thread": round(median("30_one_thread", steps)),
+        "env_steps_per_s_240_one_thread": round(median("240_one_thread", steps)),
+        "sync_steps_per_s": round(median("sync", steps)),
+        "services_per_s_30": round(median("30", services), 1),
+        "services_per_s_240": round(median("240", services), 1),
+        "sync_services_per_s": round(median("sync", services), 1),
+        "ratio_30": ratio("30", "bare"),
+        "ratio_240": ratio("240", "bare"),
+        "ratio_sync": ratio("30", "sync"),
+        "ratio_30_one_thread": ratio("30_one_thread", "bare", per_processor),
+        "ratio_240_one_thread": ratio("240_one_thread", "bare", per_processor),
+        "ratio_sync_one_thread": ratio("30_one_thread", "sync", per_processor),
+        "threads": CORES,
         "epoch_share": shares,
         "reflection_ratio": reflection,
         "rounds": rounds,
@@ -186,9 +200,9 @@ class _Records:
         return count
 
 
-def _vector(n: int, actor: Actor) -> Stepper:
+def _vector(n: int, actor: Actor, threads: int) -> Stepper:
     """The vector environment with policy, observations and records."""
-    return _stepper(RestaurantVectorEnv(n, AutoresetMode.SAME_STEP), n, actor)
+    return _stepper(RestaurantVectorEnv(n, AutoresetMode.SAME_STEP, threads), n, actor)
 
 
 def _sync(n: int, actor: Actor) -> Stepper:
@@ -269,14 +283,19 @@ def show(found: dict[str, Any]) -> None:
         [
             ("bare mj_step loop", found["bare_steps_per_s"], None),
             ("30 services at a time", found["env_steps_per_s_30"], found["services_per_s_30"]),
+            ("the same on one thread", found["env_steps_per_s_30_one_thread"], None),
             ("240 services at a time", found["env_steps_per_s_240"], found["services_per_s_240"]),
+            ("the same on one thread", found["env_steps_per_s_240_one_thread"], None),
             ("SyncVectorEnv, 30", found["sync_steps_per_s"], found["sync_services_per_s"]),
         ],
     )
     display.table(
         "Ratios",
-        ("30 to bare", "240 to bare", "30 to SyncVectorEnv"),
-        [(found["ratio_30"], found["ratio_240"], found["ratio_sync"])],
+        ("threads", "30 to bare", "240 to bare", "30 to SyncVectorEnv"),
+        [
+            (threads, *(found[f"ratio_{what}{key}"] for what in ("30", "240", "sync")))
+            for threads, key in ((found["threads"], ""), (1, "_one_thread"))
+        ],
     )
     display.table(
         "Share of an epoch (PPO, service preset)",

@@ -20,6 +20,7 @@ from evenhand import bench, detector_io
 from evenhand import show as display
 from evenhand.adapters import JudgeSettings
 from evenhand.adapters.restaurant import SCHEME, facts_of
+from evenhand.cores import CORES
 from evenhand.errors import whole
 from evenhand.learn import train
 from evenhand.learn.settings import TrainSettings, settings_of
@@ -118,7 +119,7 @@ def _told(turns: list[Turn]) -> dict[str, float]:
 def _evenhand(settings: TrainSettings) -> Turn:
     judge = detector_io.load(detector_io.SHIPPED)
     began, physics = perf_counter(), 0
-    for record in train.train(settings, judge):
+    for record in train.train(settings, judge, threads=CORES):
         physics += record.numbers["physics_steps"]
     spent = perf_counter() - began
     # a service that is answered ends by a decision in which nobody drives

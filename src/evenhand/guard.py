@@ -114,11 +114,11 @@ def worse(n: np.ndarray, x: np.ndarray, before_n: np.ndarray, before_x: np.ndarr
     a, b = (0.5 + before_x)[..., None], (0.5 + before_n - before_x)[..., None]
     n, x = n[..., None], x[..., None]
     i = np.arange(n.max(initial=0) + 1)
-    inside = i <= n
-    rest = np.where(inside, n - i, 0)
-    # ln (n choose i) = -ln(n + 1) - ln B(n - i + 1, i + 1)
-    log = betaln(i + a, rest + b) - betaln(a, b) - np.log(n + 1) - betaln(rest + 1, i + 1)
-    return np.minimum((np.exp(log) * (inside & (i >= x))).sum(axis=-1), 1.0)
+    rest = np.maximum(n - i, 1)
+    # P(0) = B(a, n + b) / B(a, b), and P(i + 1) / P(i) = (n - i)(a + i) / ((i + 1)(n - i - 1 + b))
+    rise = np.log(rest * (a + i) / ((i + 1) * (rest - 1 + b)))
+    log = betaln(a, n + b) - betaln(a, b) + np.cumsum(rise, axis=-1) - rise
+    return np.minimum((np.exp(log) * ((i >= x) & (i <= n))).sum(axis=-1), 1.0)
 
 
 def watch(guard: Guard, counts: Counts, settings: GuardSettings) -> tuple[Guard, np.ndarray]:

@@ -57,6 +57,18 @@ class TestGymnasium:
         assert info["identities"].shape == (3, 5)
         envs.close()
 
+    def test_services_are_the_same_on_any_number_of_threads(self):
+        told = []
+        for threads in (1, 3):
+            envs = gym.make_vec(ID, num_envs=4, threads=threads)
+            told.append([envs.reset(seed=5)])
+            for k in range(80):
+                told[-1].append(envs.step(np.full(4, k % 20 == 19)))
+            envs.close()
+        np.testing.assert_equal(told[1], told[0])
+        ends = sum(int(step[2].sum()) for step in told[0][1:])
+        assert ends >= 8  # what was compared holds whole services
+
     def test_make_vec_of_single_environments(self):
         envs = gym.make_vec(ID, num_envs=2, vectorization_mode="sync")
         envs.reset(seed=0)
@@ -269,6 +281,12 @@ class TestWrongUse:
     def test_no_lanes(self):
         with pytest.raises(InputError, match="num_envs is 0"):
             RestaurantVectorEnv(0)
+
+    @pytest.mark.parametrize("threads", [0, -1, 257, 1.5])
+    def test_no_threads_or_too_many(self, threads):
+        said = f"threads is {threads}: give a whole number from 1 to 256"
+        with pytest.raises(InputError, match=said):
+            RestaurantVectorEnv(2, threads=threads)
 
     def test_an_unknown_autoreset_mode(self):
         with pytest.raises(InputError, match="unknown autoreset mode 'Same': did you mean"):

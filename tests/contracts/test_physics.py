@@ -73,10 +73,11 @@ class Plain:
 
 
 class TestPlainLoop:
-    @pytest.mark.parametrize("steps", [1, 5])
-    def test_bit_by_bit_to_the_end_of_every_service(self, steps):
+    @pytest.mark.parametrize(("steps", "threads"), [(1, 1), (5, 1), (5, 3)])
+    def test_bit_by_bit_to_the_end_of_every_service(self, steps, threads):
         setups = bumping(7, seed=3)
-        world = World(4)
+        world = World(4, threads)
+        assert world._batch.nthread == threads
         fields = {name: world._batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ncon")}
         rows = world.prepare(setups)
 

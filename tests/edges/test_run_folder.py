@@ -54,6 +54,14 @@ def half(tmp_path, detector) -> Path:
 
 
 class TestFolder:
+    def test_threads_change_no_bit(self, tmp_path, undisturbed, detector):
+        run.execute(tmp_path, SETTINGS, detector, every=EVERY, recorded=True, threads=2)
+        there = [path for path in undisturbed.rglob("[!.]*") if path.is_file()]
+        assert len(there) > 6
+        for path in there:
+            name = path.relative_to(undisturbed)
+            assert (tmp_path / name).read_bytes() == path.read_bytes(), name
+
     def test_what_a_finished_run_holds(self, undisturbed):
         assert sorted(p.name for p in undisturbed.iterdir() if p.name != ".lock") == [
             "checkpoint.npz", "detector.json", "epochs.jsonl", "services", "settings.json",

@@ -20,7 +20,8 @@ class Bench:
     what: Literal["env", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = "all"
     """What is measured.
     env: physics steps against a bare mj_step loop over the same model and the same drives, and
-    against Gymnasium's SyncVectorEnv over the single environment; an epoch of training.
+    against Gymnasium's SyncVectorEnv over the single environment, with a thread for each processor
+    and with one; an epoch of training.
     audit: ten million and one million services from Parquet, and Fairlearn's MetricFrame on the
     million.
     film: clips, and what recording them costs.
@@ -31,7 +32,7 @@ class Bench:
     all: the first five; sweep and sb3 are measured by their names alone."""
 
     seconds: float = 15.0
-    """For each of the four things that are measured of the environment, in turns of a quarter of a
+    """For each of the six things that are measured of the environment, in turns of a quarter of a
     second."""
 
     def run(self, command: str) -> int:

@@ -10,8 +10,9 @@ from tyro.conf import arg
 
 from evenhand import files, people
 from evenhand.commands import inputs
+from evenhand.cores import CORES
 from evenhand.errors import whole
-from evenhand.experiments.settings import CORES, DEMO_SEED, SEEDS, WINDOWS, WORKERS
+from evenhand.experiments.settings import DEMO_SEED, SEEDS, WINDOWS, WORKERS
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
 from evenhand.commands.options import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.cores import CORES, THREADS
 from evenhand.errors import whole
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 
@@ -51,6 +52,9 @@ class Evaluate:
     population: Population = None
     """Where people are drawn from; that of the run's training, or uniform for a scripted robot."""
 
+    threads: int = CORES
+    """Threads that step the physics; results are the same on any number."""
+
     out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """Write the services to this .parquet or .csv file."""
 
@@ -62,6 +66,7 @@ class Evaluate:
         inputs.check_server(self.run_folder, self.robot, self.strength)
         whole("services", self.services, 30, SERVICES[1])
         whole("seed", self.seed, *SEEDS)
+        whole("threads", self.threads, *THREADS)
         if self.out is not None:
             inputs.check_target(self.out)
         inputs.load_physics()
@@ -86,10 +91,14 @@ class Evaluate:
             strength = 1.0 if self.strength is None else self.strength
             where = self.population or "uniform"
             name = str(self.robot)
-            return name, measure.serve_scripted(name, strength, where, self.services, self.seed)
+            return name, measure.serve_scripted(
+                name, strength, where, self.services, self.seed, threads=self.threads
+            )
         settings, state = inputs.load_policy(self.run_folder)
         who = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
-        return who, measure.serve_policy(state, settings, self.services, self.seed, self.population)
+        return who, measure.serve_policy(
+            state, settings, self.services, self.seed, self.population, threads=self.threads
+        )
 
 
 def told(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:

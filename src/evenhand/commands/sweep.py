@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.commands import inputs
+from evenhand.cores import CORES
 from evenhand.errors import InputError, whole
-from evenhand.experiments.settings import CORES, WORKERS
+from evenhand.experiments.settings import WORKERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.commands import inputs
-from evenhand.errors import InputError
+from evenhand.cores import CORES, THREADS
+from evenhand.errors import InputError, whole
 
 if TYPE_CHECKING:
     from evenhand.learn.settings import TrainSettings
@@ -104,6 +105,9 @@ class Train:
     """Detector that judges every epoch, from `evenhand detect fit`.
     Without it: the one that comes along, fitted to simulated respondents."""
 
+    threads: int = CORES
+    """Threads that step the physics; the run is the same to the last bit on any number."""
+
     no_states: bool = False
     """Do not keep where everybody was (270 bytes a service), which film and replay draw from."""
 
@@ -119,6 +123,7 @@ class Train:
         """Train and print where the run is."""
         if self.log == ():
             raise InputError("--log names no sink: give tensorboard, wandb or both")
+        whole("threads", self.threads, *THREADS)
         inputs.load_physics()
         from evenhand import show
         from evenhand.learn import run, sinks, train
@@ -141,6 +146,7 @@ class Train:
                 judge,
                 progress=progress,
                 recorded=not self.no_states,
+                threads=self.threads,
             )
         print(self.out)
         return 0

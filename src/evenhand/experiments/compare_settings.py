@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
 
+from evenhand.cores import CORES
 from evenhand.errors import InputError, unknown, whole
-from evenhand.experiments.settings import CORES, SERVICES, WORKERS
+from evenhand.experiments.settings import SERVICES, WORKERS
 
 SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
 """All scenarios, as ``scenarios`` knows them."""

@@ -27,6 +27,8 @@ def serve_policy(
     services: int,
     seed: int,
     population: str | None = None,
+    *,
+    threads: int = 1,
 ) -> Interactions:
     """Serve people with a trained policy, as it acted in training (by chance, not greedily).
 
@@ -36,6 +38,7 @@ def serve_policy(
         services: how many people.
         seed: of people, places and chances; choose one that training never saw.
         population: where people are drawn from; that of the training if None.
+        threads: that step the physics; results are the same on any number.
     """
     rng = np.random.default_rng(seed)
     drawn_from = people.population(population or settings.world.population)
@@ -49,17 +52,18 @@ def serve_policy(
         decide=settings.task,
         sense=settings.sensor,
         wanted=settings.needs,
+        threads=threads,
     )
 
 
 def serve_scripted(
-    name: str, strength: float, population: str, services: int, seed: int
+    name: str, strength: float, population: str, services: int, seed: int, *, threads: int = 1
 ) -> Interactions:
     """Serve people with a scripted robot."""
     scripted = robots.ScriptedRobot(name, strength)
     rng = np.random.default_rng(seed)
     setups = layout.draw(people.population(population), services, rng)
-    return _record(scripted.robot(setups.asking, rng), setups, rng, name=name)
+    return _record(scripted.robot(setups.asking, rng), setups, rng, name=name, threads=threads)
 
 
 def perfect(table: Interactions) -> np.ndarray:
@@ -162,9 +166,10 @@ def _record(
     decide: task.TaskSettings | None = None,
     sense: senses.SenseSettings | None = None,
     wanted: needs.NeedSettings | None = None,
+    threads: int = 1,
 ) -> Interactions:
     services = len(setups)
-    lanes = Lanes(min(LANES, services), decide or task.TaskSettings())
+    lanes = Lanes(min(LANES, services), decide or task.TaskSettings(), threads)
     done = serve.serve(lanes, setups, robot, rng, sense or senses.SenseSettings(), wanted)
     return serve.record(
         done.facts,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from evenhand import people
+from evenhand.cores import CORES
 from evenhand.errors import InputError, unknown, whole
 
 PRESETS = ("paper", "service")
@@ -15,8 +15,6 @@ TEST_SEED = 1_000_000
 """Added to the seed of a run: people of the test are never those of training."""
 DEMO_SEED = 2_000_000
 """Of demonstrations and study."""
-CORES = len(os.sched_getaffinity(0))
-"""Cores that this process may use."""
 SERVICES = (300, 100_000)
 """Fewest and most services in a test; more do not fit into 1.5 GB at once."""
 WINDOWS = (100, 100_000)

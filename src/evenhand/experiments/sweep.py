@@ -15,10 +15,10 @@ from time import perf_counter
 from typing import Any, Protocol
 
 from evenhand import files
+from evenhand.cores import CORES
 from evenhand.errors import InputError
 from evenhand.experiments import origin, pool, sweep_report, sweep_runs
 from evenhand.experiments.pool import Event, Outcome, Task
-from evenhand.experiments.settings import CORES
 from evenhand.experiments.sweep_settings import Job, Sweep
 
 _NOTE = "experiment.json"

@@ -62,6 +62,7 @@ def execute(
     every: int = CHECKPOINT_EVERY,
     progress: Progress | None = None,
     recorded: bool = False,
+    threads: int = 1,
 ) -> LearnerState:
     """Train in a folder, from the start or from where an earlier process stopped.
 
@@ -73,6 +74,7 @@ def execute(
         progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
             the other numbers of every new epoch.
         recorded: keep what was to be seen of the services (``states/``), for clips and replay.
+        threads: that step the physics; results are the same on any number.
 
     Returns:
         The trained learner.
@@ -104,6 +106,7 @@ def execute(
             first_epoch=first,
             past=past,
             recorded=recorded,
+            threads=threads,
         ):
             services.append(record.interactions)
             if record.seen is not None:
@@ -242,15 +245,8 @@ def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict
     elif any(root.glob("[!.]*")):
         raise InputError(f"{root} is not empty and holds no run: give another folder")
     else:
-        files.write_json(
-            path,
-            {
-                "settings": as_dict(settings),
-                "fingerprints": prints,
-                "versions": versions(),
-                "seed": settings.seed,
-            },
-        )
+        noted = {"settings": as_dict(settings), "fingerprints": prints, "versions": versions()}
+        files.write_json(path, noted | {"seed": settings.seed})
     if not (root / "detector.json").exists():
         detector_io.save(detector, root / "detector.json")
 

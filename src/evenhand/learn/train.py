@@ -99,6 +99,7 @@ def train(
     first_epoch: int = 0,
     past: Past | None = None,
     recorded: bool = False,
+    threads: int = 1,
 ) -> Iterator[EpochRecord]:
     """Train epoch by epoch.
 
@@ -110,19 +111,20 @@ def train(
         first_epoch: number of the next epoch.
         past: as it was then; empty by default.
         recorded: keep what was to be seen of the services.
+        threads: that step the physics; results are the same on any number.
 
     Yields:
         A record after every update.
 
     Raises:
-        InputError: as ``check_detector``.
+        InputError: as ``check_detector``, or for no threads.
     """
     check_detector(detector)
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
     past = Past.empty(settings) if past is None else past
     near = anchor(settings)
-    lanes = Lanes(settings.people, settings.task)
+    lanes = Lanes(settings.people, settings.task, threads)
     population = people.population(settings.world.population)
     for number in range(first_epoch, settings.epochs):
         began = perf_counter()

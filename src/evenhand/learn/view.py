@@ -8,11 +8,11 @@ from evenhand.learn import rival_formulas
 from evenhand.learn.settings import TrainSettings
 from evenhand.restaurant import task
 
-_CENTRE, _SCALE = 0.3, 6.0
-"""Of the distance: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and 0.3.
-Spread out like this, 0.6 apart, they are learned in a fraction of the services."""
-_TIME_CENTRE, _TIME_SCALE = 0.3, 3.0
-"""Of the time, likewise."""
+_CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
+_SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
+"""Of distance and time: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and
+0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the services. The time
+likewise."""
 
 
 def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
@@ -25,8 +25,5 @@ def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
     Returns:
         Of the same shape and type.
     """
-    out = observation.copy()
-    distance, time = task.N_GROUPS, task.N_GROUPS + 1
-    out[..., distance] = (out[..., distance] - _CENTRE) * _SCALE
-    out[..., time] = (out[..., time] - _TIME_CENTRE) * _TIME_SCALE
+    out = (observation - _CENTRE) * _SCALE
     return rival_formulas.unaware(out, task.N_GROUPS) if settings.unaware else out

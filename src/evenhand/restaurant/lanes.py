@@ -95,10 +95,10 @@ class Lanes:
         perceived: what the robots know, ``PERCEIVED``, [n].
     """
 
-    def __init__(self, n: int, settings: task.TaskSettings) -> None:
+    def __init__(self, n: int, settings: task.TaskSettings, threads: int = 1) -> None:
         self.n = n
         self.settings = settings
-        self.world = World(n)
+        self.world = World(n, threads)
         self.perceived = np.zeros(n, PERCEIVED)
         self._all = np.arange(n)
         self._noise = np.zeros((n, settings.decisions + 1))

@@ -13,7 +13,7 @@ import numpy as np
 
 from evenhand import people
 from evenhand.interactions import Interactions
-from evenhand.restaurant import layout, needs, plan, recording, senses, task
+from evenhand.restaurant import kernels, layout, needs, plan, recording, senses, task
 from evenhand.restaurant.lanes import Facts, Lanes
 from evenhand.restaurant.recording import Recording
 
@@ -83,12 +83,12 @@ def serve(
         for k in range(length):
             known = lanes.observe(active)
             row = active + first
-            responds = uniform[row, k] < robot(known, row)
-            observation[row, k], action[row, k], mask[row, k] = known, responds, 1.0
             if pose is not None:
                 pose[row, k] = lanes.world.state[active]
-            lanes.respond(active[responds])
-            active = active[~responds]
+            responding, active = kernels.decide(
+                active, row, k, known, robot(known, row), uniform, (observation, action, mask)
+            )
+            lanes.respond(responding)
             if len(active):
                 over = lanes.walk(active)
                 if pose is not None and over.any():

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from evenhand import people
+from evenhand.cores import CORES
 from evenhand.errors import InputError, unknown
 from evenhand.restaurant import kernels, task
 from evenhand.restaurant.episodes import (
@@ -36,6 +37,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
         **settings: Any,
     ) -> None:
         """Make the environments.
@@ -43,10 +45,13 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         Args:
             num_envs: how many lanes.
             autoreset_mode: what happens after the end of a service.
+            threads: that step the physics, by default one for each processor that this process
+                may use. Services are the same on any number, to the last bit.
             **settings: of :class:`RestaurantSettings`.
 
         Raises:
-            InputError: for an unknown setting, population or mode, or fewer than one lane.
+            InputError: for an unknown setting, population or mode, or fewer than one lane or
+                thread.
         """
         if num_envs < 1:
             raise InputError(f"num_envs is {num_envs}: give at least 1")
@@ -62,7 +67,8 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = gym.spaces.Discrete(2)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._lanes = Lanes(num_envs, task.TaskSettings(self.settings.interval))
+        decide = task.TaskSettings(self.settings.interval)
+        self._lanes = Lanes(num_envs, decide, CORES if threads is None else threads)
         self._source = Source(self._lanes, self.settings)
         self._rngs: list[np.random.Generator] = []
         self._ended = np.ones(num_envs, bool)

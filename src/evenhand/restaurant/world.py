@@ -1,6 +1,7 @@
 """Many restaurants at once: placing, driving, and the true facts of what happened.
 
-One batch of MuJoCo holds all simulations on one thread; processes are for seeds.
+One batch of MuJoCo holds all simulations. They do not touch each other, so a service comes out the
+same to the last bit on any number of threads.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from evenhand.cores import THREADS
+from evenhand.errors import whole
 from evenhand.restaurant import kernels, layout, needs, plan, route, scene
 
 _PLACED = ("qpos", "mocap_pos", "mocap_quat")
@@ -74,9 +77,19 @@ class World:
         clock: seconds since the service began by the timer, [n]; one physics step old likewise.
     """
 
-    def __init__(self, n: int) -> None:
+    def __init__(self, n: int, threads: int = 1) -> None:
+        """Make the simulations.
+
+        Args:
+            n: how many.
+            threads: that step them; never more than simulations.
+
+        Raises:
+            InputError: for no threads, or more than a machine has.
+        """
+        whole("threads", threads, *THREADS)
         self.n = n
-        self._batch = Batch(scene.model(), n, 1)
+        self._batch = Batch(scene.model(), n, min(threads, n))
         self._batch.reset()
         self._fresh = self._batch.state[:1].copy()
         self._component = {name: self._columns(name) for name in _PLACED}
