@@ -57,6 +57,26 @@ def test_a_report_of_answers(cli, trial, tmp_path):
     assert manifest["simulated"]
 
 
+def test_a_set_that_the_protocol_lost_is_told(cli, trial, tmp_path):
+    text = PAPER.read_text()
+    study, _ = protocol_file.examine(PAPER, look=False)
+    assert study is not None
+    gone = study.sets[0].id
+    (tmp_path / "fewer.toml").write_text(text.replace(f'"{gone}"', '"another"'))
+    rows = forms.read(trial).table.to_pylist()
+    many = sum(row["item"] == gone for row in rows)
+    note = f"note: {many} answers are left out: they are about {gone}, which the protocol"
+    done = cli("study", "analyse", trial, "--protocol", "fewer.toml", "--out", "fewer")
+    assert done.code == 0, done.err
+    assert note in done.err
+    assert f"about {gone}, which" in (tmp_path / "fewer" / "report.html").read_text()
+    manifest = json.loads((tmp_path / "fewer" / "manifest.json").read_text())
+    assert manifest["answers_left_out"] == {gone: many}
+    done = cli("study", "fit", trial, "--protocol", "fewer.toml", "--out", "fewer.json")
+    assert done.code == 0, done.err
+    assert note in done.err
+
+
 def test_the_flagged_can_be_left_out(cli, trial, tmp_path, monkeypatch):
     monkeypatch.setattr(analysis_figures, "draw_all", lambda part, found: [])  # only words here
     options = ("--permutations", 99, "--out", "report")

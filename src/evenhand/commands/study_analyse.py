@@ -56,7 +56,7 @@ class StudyAnalyse:
         whole("permutations", self.permutations, 99, 100_000)
         whole("seed", self.seed, *_SEEDS)
         from evenhand import show
-        from evenhand.study import analysis, analysis_page, answers, clip_times
+        from evenhand.study import analysis, analysis_page, answers, belonging, clip_times
 
         found = answers.read(self.answers)
         study = None if self.protocol is None else _protocol(self.protocol)
@@ -79,6 +79,8 @@ class StudyAnalyse:
                 for part in made.parts
             ],
         )  # fmt: skip
+        if made.strange:
+            print(f"note: {belonging.told(made.strange)}", file=sys.stderr)
         for part in made.parts:
             print("\n".join(analysis_page.sentences(part, made)))
         print(target)
@@ -125,7 +127,7 @@ class StudyFit:
             raise InputError(f"{self.out} is a folder: give the name of a file")
         files.make_folder(self.out.parent)
         from evenhand import detector_io
-        from evenhand.study import answers, clip_times, fitting, quality
+        from evenhand.study import answers, belonging, clip_times, fitting, quality
 
         study = _protocol(self.protocol)
         try:
@@ -134,12 +136,15 @@ class StudyFit:
                 kept, gone = quality.unflagged(found, study, clip_times.of_study(study))
                 print(f"note: {gone} flagged participants are left out", file=sys.stderr)
                 found = kept
+            strange = belonging.told(belonging.strangers(found, study))
             fitted = fitting.fit(found, study, self.seed)
         except InputError as error:
             told = str(error)
             named = told if str(self.answers) in told else f"{self.answers}: {told}"
             raise InputError(named) from error
         detector_io.save(fitted.detector, self.out)
+        if strange:
+            print(f"note: {strange}", file=sys.stderr)
         _show(fitted)
         print(self.out)
         return 0

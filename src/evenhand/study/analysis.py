@@ -90,6 +90,8 @@ class Analysis:
         known: whether its protocol was given; else it is what the answers tell of it.
         parts: people first.
         previews: participants of previews; they are in no part.
+        strange: sets, pairs and checks that the protocol lacks: number of answers, which are left
+            out.
         settings: how it was analysed.
     """
 
@@ -97,6 +99,7 @@ class Analysis:
     known: bool
     parts: tuple[Part, ...]
     previews: int
+    strange: dict[str, int]
     settings: Settings
 
 
@@ -144,7 +147,8 @@ def analyse(
             parts.append(
                 _part(kind, part, plan, study is not None, settings, rng, clip_seconds or {})
             )
-    return Analysis(plan, study is not None, tuple(parts), previews, settings)
+    strange = belonging.strangers(kept, plan)
+    return Analysis(plan, study is not None, tuple(parts), previews, strange, settings)
 
 
 def _part(

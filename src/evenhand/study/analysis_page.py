@@ -22,7 +22,7 @@ import pyarrow.csv
 from evenhand import files, report, templates
 from evenhand.report import figures, html
 from evenhand.report.tables import NOT_DEFINED, Table, say, say_share
-from evenhand.study import analysis_figures
+from evenhand.study import analysis_figures, belonging
 from evenhand.study.analysis import Analysis, Part
 from evenhand.study.analysis_listing import listing
 from evenhand.study.answers import Answers, neutralised
@@ -103,6 +103,7 @@ def manifest(found: Analysis, source: Source) -> dict[str, Any]:
         "fingerprint": found.study.fingerprint() if found.known else None,
         "simulated": any(part.kind == "simulated" for part in found.parts),
         "previews_left_out": found.previews,
+        "answers_left_out": found.strange,
         "participants": {
             part.kind: part.statuses | {"flagged": part.flagged, "used": part.used}
             for part in found.parts
@@ -141,6 +142,7 @@ def render(
         parts=[_part(part, some, found) for part, some in drawn],
         only_simulated=all(part.kind == "simulated" for part in found.parts),
         excluded=found.settings.exclude_flagged,
+        strange=belonging.told(found.strange),
         settings=html.flat(dataclasses.asdict(found.settings)),
         questions=[(one.id, one.ask, one.type, one.about) for one in found.study.questions],
         sets=[(one.id, one.kind, one.note or "no note") for one in found.study.sets],

@@ -9,13 +9,14 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.errors import InputError, nearest
-from evenhand.study.answer_columns import BETWEEN
+from evenhand.study.answer_columns import ABOUT_ITEMS, BETWEEN
 from evenhand.study.answers import Answers
 from evenhand.study.arrow import pc
 from evenhand.study.protocol import Protocol, Question
 
 MOST_POINTS = 11
 """Of a scale, see :class:`evenhand.study.protocol.Question`."""
+_SHOWN = 5
 
 
 def check(answers: Answers, study: Protocol) -> None:
@@ -35,6 +36,28 @@ def check(answers: Answers, study: Protocol) -> None:
             _check_options(asked, question.id, values, question.type == "choices")
     for one in (*study.demographics, *study.checks):
         _check_options(_asked(answers, one.id), one.id, one.options, several=False)
+
+
+def strangers(answers: Answers, study: Protocol) -> dict[str, int]:
+    """Sets, pairs and checks that answers are about and the study lacks: number of answers by id.
+
+    They are no mistake, for a study may drop a set; but who analyses it has to know.
+    """
+    about = answers.table.filter(pc.is_in(answers.table["kind"], pa.array(ABOUT_ITEMS)))
+    known = {one.id for one in (*study.sets, *study.pairs, *study.checks)}
+    counts = about["item"].value_counts().to_pylist()
+    return {one["values"]: one["counts"] for one in counts if one["values"] not in known}
+
+
+def told(strange: dict[str, int]) -> str:
+    """The same as a sentence; empty when there is none."""
+    if not strange:
+        return ""
+    names = ", ".join(sorted(strange)[:_SHOWN]) + (", ..." if len(strange) > _SHOWN else "")
+    return (
+        f"{sum(strange.values()):,} answers are left out: they are about {names}, which the "
+        "protocol does not have"
+    )
 
 
 def _asked(answers: Answers, question: str) -> pa.Table:

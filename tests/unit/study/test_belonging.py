@@ -118,3 +118,33 @@ def test_rows_that_cannot_be(values, said):
     with pytest.raises(InputError) as caught:
         Answers.of_rows([judged("ann", "late", 2)[0] | values])
     assert said in str(caught.value)
+
+
+def test_what_answers_are_about_and_the_study_lacks_is_counted():
+    # two people rated a set that the lead has dropped since, with three answers each
+    dropped = [one for who in ("ann", "bob") for one in judged(who, "gone", 4, "none", "none")]
+    everything = Answers.of_rows(some().table.to_pylist() + dropped)
+    strange = belonging.strangers(everything, protocol())
+    assert strange == {"gone": len(dropped)}
+    said = belonging.told(strange)
+    assert said == (
+        f"{len(dropped)} answers are left out: they are about gone, which the protocol does not "
+        "have"
+    )
+    found = analyse(everything, protocol(), QUICK)
+    assert found.strange == strange
+    assert "gone" not in found.parts[0].tables["ratings"].columns["set"]
+
+
+def test_nothing_is_said_where_nothing_is_left_out():
+    assert belonging.strangers(some(), protocol()) == {}
+    assert belonging.told({}) == ""
+    # without a protocol the answers tell themselves what there is
+    assert analyse(some(), None, QUICK).strange == {}
+
+
+def test_of_many_that_the_study_lacks_the_first_are_named():
+    said = belonging.told({f"set-{k}": 1000 for k in range(7)})
+    assert said.startswith("7,000 answers are left out: they are about set-0, set-1, ")
+    assert "set-4, ..., which" in said
+    assert "set-5" not in said
