@@ -27,6 +27,11 @@ SOURCES = (SIMULATED, "respondents")
 """Where judgements can come from; told wherever a detector or its evaluation is shown."""
 
 
+LEAST = 30
+"""Services that a group needs before it can be called the one served worst: of many small groups
+one has bad luck."""
+
+
 def checked_scores(issue_scores: ArrayLike, issues: tuple[str, ...]) -> NDArray[np.float64]:
     """Issue scores as float64 [..., K]; NaN is allowed.
 

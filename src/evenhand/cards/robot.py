@@ -12,6 +12,7 @@ from evenhand.cards.markdown import NOT_MEASURED, between, number, percent, word
 from evenhand.cards.sections import Said
 from evenhand.detector_report import Share
 from evenhand.inference.verdicts import DISPARITY, INSUFFICIENT, Verdicts
+from evenhand.judgements import LEAST
 
 ISSUE_WORDS = {
     "willingness": "no response",
@@ -70,8 +71,8 @@ class Trial:
 
     @property
     def worst(self) -> int | None:
-        """Row of the group with the fewest services without an issue; None if nobody was served."""
-        known = [g for g, share in enumerate(self.perfect_of) if share.n]
+        """Row of the group of 30 or more with the fewest services without an issue, if any."""
+        known = [g for g, share in enumerate(self.perfect_of) if share.n >= LEAST]
         return min(known, key=lambda g: self.perfect_of[g].value, default=None)
 
 
@@ -142,7 +143,7 @@ def _result(trial: Trial) -> dict[str, object]:
         metrics.append(
             (
                 "worst_group_rate",
-                "Services without any issue, worst served group",
+                f"Services without any issue, worst served group of {LEAST} or more",
                 trial.perfect_of[trial.worst],
             )
         )

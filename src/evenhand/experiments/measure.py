@@ -8,6 +8,7 @@ import numpy as np
 
 from evenhand import issues, people, robots
 from evenhand.interactions import Interactions
+from evenhand.judgements import LEAST
 from evenhand.learn import train
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import LearnerState
@@ -16,8 +17,6 @@ from evenhand.restaurant.lanes import Lanes
 
 WINDOW = 30
 LANES = 240
-LEAST = 30
-"""Services that a group needs for its share of perfect services to be compared."""
 _SHUFFLES = 4
 
 

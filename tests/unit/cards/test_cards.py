@@ -110,6 +110,24 @@ def test_the_mean_of_windows_has_students_interval(trial):
     assert trial.scores["total"].n == N // 30
 
 
+@pytest.mark.parametrize(("few", "named"), [(29, False), (30, True)])
+def test_bad_luck_of_a_small_group_is_not_the_worst_service(few, named):
+    codes, answered = CODES.copy(), ANSWERED.copy()
+    codes[:, 0] = np.maximum(codes[:, 0], 1)  # nobody is of the first race but
+    codes[:few, 0], answered[:few] = 0, False  # these, none of whom was answered
+    trial = card_numbers.trial_of(services(codes, answered), 5, "uniform")
+    assert trial.perfect_of[0].n == few
+    assert (trial.worst == 0) is named
+
+
+def test_nobody_is_served_worst_among_small_groups_only():
+    codes = CODES[:40].copy()
+    codes[:] = np.arange(40)[:, None] % 2
+    trial = card_numbers.trial_of(services(codes, ANSWERED[:40]), 5, "uniform")
+    assert trial.worst is None
+    assert "worst_group_rate" not in robot.render(Said("r"), about(), trial)
+
+
 def test_hugging_face_reads_the_card_of_a_robot(trial):
     page = robot.render(Said("A robot", "cc-by-4.0"), about(), trial)
     card: Any = ModelCard(page)
