@@ -125,6 +125,19 @@ def test_verdicts_by_hand(comparison: Comparison) -> None:
     assert [cell is None for cell in even.values()] == [True, True, True, False]
 
 
+def test_a_part_above_the_total_is_not_called_most_of_it(tmp_path: Path) -> None:
+    folder = write_comparison(tmp_path / "out")
+
+    def raise_willingness(row: dict[str, str]) -> None:
+        if row["metric"] == "corrected_willingness":  # another part is below 0, then
+            row["iqm"] = row["low"] = row["high"] = "0.35"
+
+    change(folder / "summary.csv", raise_willingness)
+    _, surgery = compare_verdicts.judge(compare_data.read(folder))
+    why = cells(surgery, "prejudiced")["Corrected total"].why
+    assert why.endswith("; its largest part is willingness, 0.350; parts can be below 0")
+
+
 def test_aims_over_scenarios_by_hand(comparison: Comparison) -> None:
     levelup, surgery = compare_verdicts.judge(comparison)
     whole = [(aim, cell.state, cell.value) for aim, _, cell in levelup.whole]

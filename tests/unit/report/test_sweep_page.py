@@ -69,9 +69,10 @@ def test_failed_runs_stand_first_with_their_reasons(folder):
 def test_every_arm_of_a_variant_with_its_numbers(folder):
     text = text_of(sweep_page.build(folder))
     assert "epochs 40, clip 0.3" in text
-    line = text[text.index("level-up, strength 2, PPO") :][:120]
+    line = text[text.index("level-up, strength 2, PPO") :][:150]
     assert re.findall(r"[\d.]+(?: %)?", line)[:4] == ["2", "2", "0.250", "0.250"]
     assert "87.5 %" in line
+    assert "12.00 of 40 [" in line  # biased epochs, of how many
     assert text.count("level-up, strength 2, PPO") == 1  # the pooled rows are of its own report
     assert 'href="variants/clip%3D0.3/report.html"' in (folder / "report.html").read_text()
 
