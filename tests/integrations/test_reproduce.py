@@ -208,17 +208,11 @@ def test_the_manifest_says_how_it_was_made(whole):
     assert manifest["stages"]["training and test"] > 0
 
 
-def test_a_finished_experiment_is_not_done_again(whole, reproduce, results):
+def test_a_finished_experiment_is_not_done_again_nor_made_less(whole, reproduce, results):
     before, when = results(whole), made(whole)
-    reproduce(whole, *SMALL, "--seeds", 2, "--workers", 2)
+    reproduce(whole, *FIRST, "--workers", 2)  # one preset of two, and one seed of two
     assert results(whole) == before
     assert made(whole) == when
-
-
-def test_a_call_for_less_drops_nothing(whole, reproduce, results):
-    before = results(whole)
-    reproduce(whole, *FIRST)  # one preset and one seed of two
-    assert results(whole) == before
     manifest = json.loads((whole / "manifest.json").read_text())
     assert manifest["seeds_of"] == {"paper": [0, 1], "service": [0, 1]}
     assert manifest["settings"]["preset"] == ["paper", "service"]
