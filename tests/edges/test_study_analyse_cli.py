@@ -77,6 +77,28 @@ def test_a_set_that_the_protocol_lost_is_told(cli, trial, tmp_path):
     assert note in done.err
 
 
+def test_answers_to_a_study_that_was_changed_since_are_refused(cli, trial, tmp_path):
+    study, _ = protocol_file.examine(PAPER, look=False)
+    assert study is not None
+    answers = tmp_path / "old.csv"
+    answers.write_bytes(trial.read_bytes())
+    beside = tmp_path / "old.codebook.json"
+    noted = {"name": study.name, "fingerprint": study.fingerprint()}
+    commands = (
+        ("study", "analyse", answers, "--protocol", PAPER, "--out", "report"),
+        ("study", "fit", answers, "--protocol", PAPER, "--out", "d.json"),
+    )
+    beside.write_text(json.dumps({"study": noted}))
+    assert all(cli(*words).code == 0 for words in commands)
+    for changed in (noted | {"fingerprint": "0" * 64}, noted | {"name": "other"}):
+        beside.write_text(json.dumps({"study": changed}))
+        for words in commands:
+            said = cli(*words).complaint
+            assert said.endswith("(says old.codebook.json): give the file that was served")
+    beside.write_text("{}")
+    assert "old.codebook.json is no codebook of" in cli(*commands[0]).complaint
+
+
 def test_the_flagged_can_be_left_out(cli, trial, tmp_path, monkeypatch):
     monkeypatch.setattr(analysis_figures, "draw_all", lambda part, found: [])  # only words here
     options = ("--permutations", 99, "--out", "report")

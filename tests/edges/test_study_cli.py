@@ -174,6 +174,14 @@ def test_exports_that_cannot_be(cli, tmp_path, answered):
     (tmp_path / "other.toml").write_text(other)
     said = cli("study", "export", "other.toml", "--db", "paper.db").complaint
     assert said == "paper.db holds the study 'paper', not 'other'"
+    fair = (tmp_path / "my.toml").read_text()
+    turned = fair.replace("points = ", "lowest_is_unfair = false\npoints = ", 1)
+    (tmp_path / "turned.toml").write_text(turned)
+    said = cli("study", "export", "turned.toml", "--db", "paper.db").complaint
+    assert said == (
+        "paper.db holds answers to 'paper' as it was before its questions, sets or consent were "
+        "changed: give the file that was served"
+    )
     assert not list(tmp_path.glob("*.csv"))
 
 

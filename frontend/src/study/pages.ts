@@ -50,7 +50,7 @@ function consent(walk: Walk): Shown {
     nodes: [
       el("p", { class: "lead" }, `This takes about ${study.minutes} minutes. You can stop at any time.`),
       paragraphs(study.consent.text),
-      el("p", { class: "hint" }, "If you do not agree, close this page. Nothing is stored then."),
+      el("p", { class: "hint" }, "If you do not agree, close this page. Nothing is sent to the study then."),
       el("div", { class: "row" }, agree),
     ],
     simulate: async () => agree.click(),

@@ -197,8 +197,9 @@ def audit(
     found = find(counts, judged, judge)
     said = command or _call(log, chosen, judged, detector)
     about = _about(log, chosen, counts, said, synthetic, warnings)
-    if detector is not None:
-        about = replace(about, judges=f"those whose answers {Path(detector).name} was fitted to")
+    if judge is not None and detector is not None:
+        # nobody may take programs for people
+        about = replace(about, judges=f"{judge.source} ({Path(detector).name})")
     return Audit(found, about, chosen)
 
 

@@ -60,6 +60,8 @@ class StudyAnalyse:
 
         found = answers.read(self.answers)
         study = None if self.protocol is None else _protocol(self.protocol)
+        if study is not None:
+            belonging.check_codebook(self.answers, study)
         settings = analysis.Settings(
             seed=self.seed, permutations=self.permutations, exclude_flagged=self.exclude_flagged
         )
@@ -130,6 +132,7 @@ class StudyFit:
         from evenhand.study import answers, belonging, clip_times, fitting, quality
 
         study = _protocol(self.protocol)
+        belonging.check_codebook(self.answers, study)
         try:
             found = fitting.chosen(answers.read(self.answers), self.who)
             if self.exclude_flagged:

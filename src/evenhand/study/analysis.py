@@ -287,11 +287,11 @@ def _participants(answers: Answers, rated: Quality) -> Table:
         zip(first["participant"].to_pylist(), first["status_first"].to_pylist(), strict=True)
     )
     q = rated
-    columns = (q.seconds, q.z, q.too_quick, q.scales, q.run, q.entropy, q.checks, q.failed, q.sets,
-               q.contradictory)  # fmt: skip
+    columns = (q.seconds, q.z, q.too_quick, q.unseen, q.scales, q.run, q.entropy, q.checks,
+               q.failed, q.sets, q.contradictory)  # fmt: skip
     flags = ["; ".join(rated.reasons(who)) for who in range(len(rated.participants))]
-    names = ("participant", "status", "seconds", "z", "too_quick", "scales", "run", "entropy",
-             "checks", "failed", "sets", "contradictory", "flags")  # fmt: skip
+    names = ("participant", "status", "seconds", "z", "too_quick", "unseen", "scales", "run",
+             "entropy", "checks", "failed", "sets", "contradictory", "flags")  # fmt: skip
     people = [status[name] for name in rated.participants]
     return Table(
         dict(

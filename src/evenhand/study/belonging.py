@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,29 @@ def check(answers: Answers, study: Protocol) -> None:
             _check_options(asked, question.id, values, question.type == "choices")
     for one in (*study.demographics, *study.checks):
         _check_options(_asked(answers, one.id), one.id, one.options, several=False)
+
+
+def check_codebook(path: Path, study: Protocol) -> None:
+    """Check that answers were given to this very study, where a codebook lies beside them.
+
+    Raises:
+        InputError: when its questions, sets or consent were changed since.
+    """
+    beside = path.with_suffix(".codebook.json")
+    if not beside.is_file():
+        return
+    try:
+        noted = json.loads(beside.read_text(encoding="utf-8"))["study"]
+        there = noted and (noted["name"], noted["fingerprint"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{beside} is no codebook of `evenhand study export`: move it away, or export again"
+        ) from None
+    if there and there != (study.name, study.fingerprint()):
+        raise InputError(
+            f"{path} holds answers to another study, or to {study.name!r} before its questions, "
+            f"sets or consent were changed (says {beside.name}): give the file that was served"
+        )
 
 
 def strangers(answers: Answers, study: Protocol) -> dict[str, int]:

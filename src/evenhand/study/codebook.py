@@ -81,7 +81,9 @@ def people(answers: Answers) -> dict[str, dict[str, int]]:
     """Participants of each status, people apart from simulated ones and previews."""
     seen = answers.table.group_by(["participant", "simulated", "preview", "status"]).aggregate([])
     found = {
-        kind: {str(status): 0 for status in STATUSES} for kind in ("people", "simulated", "preview")
+        # who has withdrawn has left no answer to be counted by
+        kind: {str(status): 0 for status in STATUSES if status != "withdrawn"}
+        for kind in ("people", "simulated", "preview")
     }
     for row in seen.to_pylist():
         kind = "simulated" if row["simulated"] else "preview" if row["preview"] else "people"

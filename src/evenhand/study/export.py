@@ -51,14 +51,20 @@ def write(
         All files written.
 
     Raises:
-        InputError: when the database is of another study or cannot be read, or a file cannot be
-            written.
+        InputError: when the database is of another study, of this one as it was before a change,
+            or cannot be read, or a file cannot be written.
     """
     try:
         with store.read() as connection:
             there = read_note(connection, "study")
+            print_ = read_note(connection, "fingerprint")
         if there != study.name:
             raise InputError(f"{store.name} holds the study {there!r}, not {study.name!r}")
+        if print_ != study.fingerprint():
+            raise InputError(
+                f"{store.name} holds answers to {study.name!r} as it was before its questions, "
+                "sets or consent were changed: give the file that was served"
+            )
         found = rows.read(store, previews=previews, exact_times=exact_times)
         table = answers.Answers.of_rows(found)
         ids = _external(store, previews) if external_ids else ""

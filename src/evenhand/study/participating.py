@@ -170,7 +170,7 @@ def save(store: Store, study: Protocol, token: str, page_id: str, sent: Sent) ->
         if page["kind"] == "finished":
             raise RefusalError("out-of-order", "The last page has no questions.", following)
         found = replies.check(study, page, sent.values)
-        _check_views(page, sent.clip_views)
+        views = _every_view(page, sent.clip_views)
         print_ = replies.digest(found)
         if page_id in done and done[page_id][1] == print_:
             return following, True
@@ -194,7 +194,7 @@ def save(store: Store, study: Protocol, token: str, page_id: str, sent: Sent) ->
                 position=places[page_id],
                 sequence=sent.sequence,
                 shown_ms=sent.shown_ms,
-                clip_views=json.dumps(dict(sent.clip_views)),
+                clip_views=json.dumps(views),
                 browser_clock=sent.at,
                 received=now,
             )
@@ -323,7 +323,8 @@ def _unused_name(connection: Connection) -> str:
             return name
 
 
-def _check_views(page: Mapping[str, Any], views: Mapping[str, int]) -> None:
+def _every_view(page: Mapping[str, Any], views: Mapping[str, int]) -> dict[str, int]:
+    """How often each clip of a page was seen to its end; 0 for one that was not spoken of."""
     shown = [*page.get("clips", ()), *(c for side in ("first", "second") if side in page
                                        for c in page[side]["clips"])]  # fmt: skip
     for clip in views:
@@ -331,3 +332,4 @@ def _check_views(page: Mapping[str, Any], views: Mapping[str, int]) -> None:
             raise RefusalError(
                 "invalid", f"clip_views names {clip[:100]!r}, which is not on this page"
             )
+    return {clip: views.get(clip, 0) for clip in shown}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -41,6 +42,7 @@ PAIR_OPTIONS = (
 LONGEST = {"id": 40, "label": 200, "ask": 1000, "long": 20_000, "answer": 2000}
 """Most characters of names, of labels, of questions, of consent and thanks, of a free answer."""
 
+_BRACES = re.compile(r"\{[^{}]*\}")
 _UNSEEN = ("thanks", "contact", "completion_code", "redirect", "minutes", "clips", "title")
 
 
@@ -251,6 +253,9 @@ def mistakes(protocol: Protocol) -> Iterator[tuple[Place, str]]:
                 yield (kind, number, "options"), f"{PREFER_NOT!r} is {why}: leave it out"
     if "{code}" in protocol.redirect and not protocol.completion_code:
         yield ("study", "redirect"), "it holds {code}, but there is no completion_code: add one"
+    odd = [one for one in _BRACES.findall(protocol.redirect) if one != "{code}"]
+    if odd:
+        yield ("study", "redirect"), f"it holds {odd[0]}, which nothing is put for: write {{code}}"
 
 
 def _ids(protocol: Protocol) -> Iterator[tuple[Place, str]]:

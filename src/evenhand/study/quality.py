@@ -21,14 +21,15 @@ from evenhand.study.arrow import pc
 from evenhand.study.judging import codes, numbers
 from evenhand.study.protocol import Protocol
 
-FAST, CLIPS, ALIKE, CHECKS, CONTRADICTS = (
+FAST, CLIPS, UNSEEN, ALIKE, CHECKS, CONTRADICTS = (
     "fast",
     "quicker than the clips",
+    "clips not seen",
     "same answers",
     "attention",
     "contradictions",
 )
-FLAGS = (FAST, CLIPS, ALIKE, CHECKS, CONTRADICTS)
+FLAGS = (FAST, CLIPS, UNSEEN, ALIKE, CHECKS, CONTRADICTS)
 _SCALE = 1.4826  # makes the median absolute deviation a standard deviation of normal numbers
 _CLOCK = 0.5  # seconds by which a browser's clock and a clip may differ
 
@@ -65,6 +66,7 @@ class Limits:
             FAST: f"time for a page, against everybody's time for the same page: robust z of "
             f"{self.z:g} or less".replace("-", "\N{MINUS SIGN}"),
             CLIPS: "a page was answered before its clips can have ended",
+            UNSEEN: "a page was answered, by its own account, without a clip seen to its end",
             ALIKE: f"the same scale answer {self.run} times in a row or more, or less than "
             f"{self.entropy:g} bits in {self.least} scale answers or more",
             CHECKS: f"{self.failed} attention checks failed, or the only one",
@@ -83,6 +85,7 @@ class Quality:
         seconds: float64 [P], median time for a question, clips included.
         z: float64 [P], robust z of the log time for a page against everybody's.
         too_quick: int64 [P], pages answered before their clips can have ended.
+        unseen: int64 [P], pages with a clip that was not seen to its end.
         scales: int64 [P], scale answers about sets.
         run: int64 [P], the longest run of the same one.
         entropy: float64 [P], of the scale answers, bits.
@@ -98,6 +101,7 @@ class Quality:
     seconds: NDArray[np.float64]
     z: NDArray[np.float64]
     too_quick: NDArray[np.int64]
+    unseen: NDArray[np.int64]
     scales: NDArray[np.int64]
     run: NDArray[np.int64]
     entropy: NDArray[np.float64]
@@ -139,6 +143,7 @@ def rate(
     table = answers.table
     who = codes(table["participant"], people)
     seconds, z, too_quick = _speed(answers, who, clip_seconds or {})
+    unseen = _unseen(answers, who)
     scales, run, entropy = _sameness(answers, who)
     right = np.asarray(pc.fill_null(table["right"].cast(pa.int8()), -1))
     checks = np.bincount(who[right >= 0], minlength=n)
@@ -151,14 +156,15 @@ def rate(
             [
                 z <= limits.z,
                 too_quick > 0,
+                unseen > 0,
                 (run >= limits.run) | ((scales >= limits.least) & (entropy < limits.entropy)),
                 (failed > 0) & (failed >= np.minimum(limits.failed, checks)),
                 (contradictory >= 2) & (contradictory >= limits.contradicted * sets),
             ],
             axis=1,
         )
-    return Quality(people, seconds, z, too_quick, scales, run, entropy, checks, failed, sets,
-                   contradictory, flags, limits)  # fmt: skip
+    return Quality(people, seconds, z, too_quick, unseen, scales, run, entropy, checks, failed,
+                   sets, contradictory, flags, limits)  # fmt: skip
 
 
 def unflagged(
@@ -230,6 +236,15 @@ def _speed(
     items = [clip_seconds.get(name.partition(":")[2], 0.0) for name in names]
     quick = known & (spent < np.array(items)[page] - _CLOCK)
     return seconds, robust_z(slower), np.bincount(who[quick], minlength=n)
+
+
+def _unseen(answers: Answers, who: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pages of each participant with a clip that was not seen to its end, [P]."""
+    table, n = answers.table, len(answers.participants)
+    names = tuple(pc.unique(table["page"]).to_pylist())
+    none = numbers(table["views"]) == 0
+    pages = np.unique(who[none] * len(names) + codes(table["page"], names)[none])
+    return np.bincount(pages // max(len(names), 1), minlength=n)
 
 
 def _sameness(

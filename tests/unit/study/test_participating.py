@@ -83,7 +83,7 @@ def test_a_whole_study_as_rows(kept, clock):
         (second, "fair", "5", 5.0, None, views[second], "fair"),
         (second, "issue", "none", None, None, views[second], "issue"),
         (second, "whom", None, None, None, views[second], "identity"),
-        ("pair:p1", "which", "same", None, None, None, "pair"),
+        ("pair:p1", "which", "same", None, None, 0, "pair"),  # no clip of it was spoken of
         ("end", "why", None, None, None, None, "free"),
     ]
     assert {r["received"] for r in found} == {"2023-11-14T22:14:50.000Z"}

@@ -104,6 +104,16 @@ def test_a_page_cannot_be_done_before_its_clips_end():
     assert quality.rate(Answers.of_rows(rows)).too_quick.tolist() == [0, 0]
 
 
+def test_a_page_with_a_clip_that_was_not_seen_is_counted_once():
+    unseen = [one | {"views": 0} for one in judged("a", "late", 3)]  # three questions, one page
+    seen = [one | {"views": 1} for one in judged("b", "late", 3)]
+    unknown = [one | {"views": None} for one in judged("c", "late", 3)]
+    found = quality.rate(Answers.of_rows(unseen + seen + unknown))
+    assert found.unseen.tolist() == [1, 0, 0]
+    assert found.flagged.tolist() == [True, False, False]
+    assert found.reasons(0) == ["clips not seen"]
+
+
 def test_what_is_not_known_is_missing_and_flags_nobody():
     found = rated([row("a", "end", "say", seconds=None)])
     assert np.isnan(found.seconds[0])

@@ -84,12 +84,13 @@ async function load() {
 
 button.addEventListener("click", async () => {
   if (!closed && !confirm("Close the study? Who is under way cannot go on.")) return;
-  await fetch("/lead/closed", {
+  const done = await fetch("/lead/closed", {
     method: "POST",
     headers: { "content-type": "application/json" },
     body: JSON.stringify({ closed: !closed }),
-  });
+  }).then((answer) => answer.ok, () => false);
   await load();
+  if (!done) said.textContent = `The study could not be ${closed ? "opened" : "closed"}: try again.`;
 });
 
 load();
