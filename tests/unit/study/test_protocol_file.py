@@ -138,7 +138,11 @@ MISTAKES = [
     ("length = 1", 'order = "latn"', "unknown order 'latn': did you mean 'latin'?"),
     ('redirect = "https', 'redirect = "http', "study.redirect: 'http://recruit.example/?cc={cod"),
     ('completion_code = "C0DE"', "", "it holds {code}, but there is no completion_code: add one"),
-    ("cc={code}", "cc={code}{cod}", "redirect: it holds {cod}, which nothing is put for: write {code}"),
+    (
+        "cc={code}",
+        "cc={code}{cod}",
+        "redirect: it holds {cod}, which nothing is put for: write {code}",
+    ),
     ('version = "1"', "", "consent: version is missing: add it"),
     ('options = ["young", "old"]', 'options = ["a", "a"]', "demographics 1.options: an option st"),
     (
