@@ -7,6 +7,7 @@ As a script, with as many participants as wanted and a database of its own:
 """
 
 import asyncio
+import contextlib
 import os
 import random
 import signal
@@ -110,14 +111,26 @@ async def _killer(db: str, port: int, kills: int, load: Load, work: asyncio.Futu
             there = len(load.acknowledged)
             # it has stored some since it started, and is storing more
             while len(load.acknowledged) <= there + random.randrange(5) and not work.done():
+                assert _there(server), "the server ended by itself"
                 await asyncio.sleep(0.005)
             if load.kills < kills:
                 os.kill(server, signal.SIGKILL)
                 load.kills += 1
+                while _there(server):  # until it is gone, the port is its own
+                    await asyncio.sleep(0.005)
                 server = start()
     finally:
-        os.kill(server, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(server, signal.SIGKILL)
         nursery.communicate()
+
+
+def _there(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 async def run(db: str, participants: int, kills: int, pause: float = 0.2) -> Load:
