@@ -81,13 +81,13 @@ def people(answers: Answers) -> dict[str, dict[str, int]]:
     """Participants of each status, people apart from simulated ones and previews."""
     seen = answers.table.group_by(["participant", "simulated", "preview", "status"]).aggregate([])
     found = {
-        # who has withdrawn has left no answer to be counted by
+        # who has withdrawn has no answer in an export to be counted by
         kind: {str(status): 0 for status in STATUSES if status != "withdrawn"}
         for kind in ("people", "simulated", "preview")
     }
     for row in seen.to_pylist():
         kind = "simulated" if row["simulated"] else "preview" if row["preview"] else "people"
-        found[kind][row["status"]] += 1
+        found[kind][row["status"]] = found[kind].get(row["status"], 0) + 1
     return found
 
 

@@ -136,6 +136,12 @@ def test_what_answers_are_about_and_the_study_lacks_is_counted():
     assert "gone" not in found.parts[0].tables["ratings"].columns["set"]
 
 
+def test_a_file_that_still_has_somebody_who_withdrew_is_described():
+    rows = [one | {"status": "withdrawn"} for one in judged("ann", "late", 2, "none", "none")]
+    found = codebook.people(Answers.of_rows(rows))
+    assert found["people"] == {"finished": 0, "begun": 0, "withdrawn": 1}
+
+
 def test_nothing_is_said_where_nothing_is_left_out():
     assert belonging.strangers(some(), protocol()) == {}
     assert belonging.told({}) == ""
