@@ -85,32 +85,32 @@ def measure(seconds: float) -> dict[str, Any]:
             clock, processor = perf_counter() - clock, process_time() - processor
             rates[name].append((steps / clock, services / clock, steps / processor))
     speed = {name: np.array(rate) for name, rate in rates.items()}
-    steps, services, per_processor = range(3)
+    by_clock, served, by_processor = range(3)
 
     def median(name: str, what: int) -> float:
         return float(np.median(speed[name][:, what]))
 
-    def ratio(a: str, b: str, what: int = steps) -> float:
+    def ratio(a: str, b: str, what: int = by_clock) -> float:
         """Median over rounds, so that a slow moment hits both."""
         return round(float(np.median(speed[a][:, what] / speed[b][:, what])), 3)
 
     shares, reflection = epoch_share()
     return {
-        "bare_steps_per_s": round(median("bare", steps)),
-        "env_steps_per_s_30": round(median("30", steps)),
-        "env_steps_per_s_240": round(median("240", steps)),
-        "env_steps_per_s_30_one_thread": round(median("30_one_thread", steps)),
-        "env_steps_per_s_240_one_thread": round(median("240_one_thread", steps)),
-        "sync_steps_per_s": round(median("sync", steps)),
-        "services_per_s_30": round(median("30", services), 1),
-        "services_per_s_240": round(median("240", services), 1),
-        "sync_services_per_s": round(median("sync", services), 1),
+        "bare_steps_per_s": round(median("bare", by_clock)),
+        "env_steps_per_s_30": round(median("30", by_clock)),
+        "env_steps_per_s_240": round(median("240", by_clock)),
+        "env_steps_per_s_30_one_thread": round(median("30_one_thread", by_clock)),
+        "env_steps_per_s_240_one_thread": round(median("240_one_thread", by_clock)),
+        "sync_steps_per_s": round(median("sync", by_clock)),
+        "services_per_s_30": round(median("30", served), 1),
+        "services_per_s_240": round(median("240", served), 1),
+        "sync_services_per_s": round(median("sync", served), 1),
         "ratio_30": ratio("30", "bare"),
         "ratio_240": ratio("240", "bare"),
         "ratio_sync": ratio("30", "sync"),
-        "ratio_30_one_thread": ratio("30_one_thread", "bare", per_processor),
-        "ratio_240_one_thread": ratio("240_one_thread", "bare", per_processor),
-        "ratio_sync_one_thread": ratio("30_one_thread", "sync", per_processor),
+        "ratio_30_one_thread": ratio("30_one_thread", "bare", by_processor),
+        "ratio_240_one_thread": ratio("240_one_thread", "bare", by_processor),
+        "ratio_sync_one_thread": ratio("30_one_thread", "sync", by_processor),
         "threads": CORES,
         "epoch_share": shares,
         "reflection_ratio": reflection,
