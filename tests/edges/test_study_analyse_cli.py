@@ -65,7 +65,9 @@ def test_a_set_that_the_protocol_lost_is_told(cli, trial, tmp_path):
     (tmp_path / "fewer.toml").write_text(text.replace(f'"{gone}"', '"another"'))
     rows = forms.read(trial).table.to_pylist()
     many = sum(row["item"] == gone for row in rows)
-    note = f"note: {many} answers are left out: they are about {gone}, which the protocol"
+    note = (
+        f"note: {many} answers are left out of ratings: they are about {gone}, which the protocol"
+    )
     done = cli("study", "analyse", trial, "--protocol", "fewer.toml", "--out", "fewer")
     assert done.code == 0, done.err
     assert note in done.err

@@ -80,8 +80,8 @@ def told(strange: dict[str, int]) -> str:
         return ""
     names = ", ".join(sorted(strange)[:_SHOWN]) + (", ..." if len(strange) > _SHOWN else "")
     return (
-        f"{sum(strange.values()):,} answers are left out: they are about {names}, which the "
-        "protocol does not have"
+        f"{sum(strange.values()):,} answers are left out of ratings: they are about {names}, which "
+        "the protocol does not have"
     )
 
 

@@ -128,8 +128,8 @@ def test_what_answers_are_about_and_the_study_lacks_is_counted():
     assert strange == {"gone": len(dropped)}
     said = belonging.told(strange)
     assert said == (
-        f"{len(dropped)} answers are left out: they are about gone, which the protocol does not "
-        "have"
+        f"{len(dropped)} answers are left out of ratings: they are about gone, which the "
+        "protocol does not have"
     )
     found = analyse(everything, protocol(), QUICK)
     assert found.strange == strange
@@ -151,6 +151,6 @@ def test_nothing_is_said_where_nothing_is_left_out():
 
 def test_of_many_that_the_study_lacks_the_first_are_named():
     said = belonging.told({f"set-{k}": 1000 for k in range(7)})
-    assert said.startswith("7,000 answers are left out: they are about set-0, set-1, ")
+    assert said.startswith("7,000 answers are left out of ratings: they are about set-0, set-1, ")
     assert "set-4, ..., which" in said
     assert "set-5" not in said
