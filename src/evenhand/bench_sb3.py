@@ -65,7 +65,7 @@ def measure(epochs: int = 30) -> dict[str, Any]:
     settings = settings_of("service", "ppo", "none", epochs=epochs)
     update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
     settings = replace(settings, update=update, reflect=False)
-    first = _evenhand(replace(settings, epochs=2))  # warm
+    first = _evenhand(settings)  # warm; and how long services are
     steps = round(first.decisions / first.services)
 
     def single(lanes: int) -> Any:

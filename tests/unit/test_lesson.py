@@ -15,10 +15,12 @@ import pytest
 
 from evenhand import credit, issues, people
 from evenhand.credit import CreditSettings
+from evenhand.detector import WindowVerdict
 from evenhand.guidance import GuidanceSettings
 from evenhand.issues import Counts
 from evenhand.learn import lesson, rivals, train
-from evenhand.learn.lesson import Epoch, Lesson
+from evenhand.learn.epoch import Epoch
+from evenhand.learn.lesson import Lesson
 from evenhand.learn.past import Past
 from evenhand.learn.policy import state_values
 from evenhand.learn.rival_epoch import EpochOutcome, to_arrays
@@ -69,10 +71,9 @@ def services(x: np.ndarray = X) -> serve.Services:
 
 def epoch(x: np.ndarray = X, biased: bool = False) -> Epoch:
     inside = people.encode(CODES).astype(float)
-    counts = issues.count(x, inside)
-    names = [issue.name for issue in issues.PAPER_ISSUES]
-    scores = issues.scores_of(counts, people.GROUPS, names)
-    return Epoch(services(x), CODES, x, inside, counts, scores, biased)
+    none = np.zeros(0)
+    said = WindowVerdict(np.array(biased), none, none.astype(bool), none.astype(np.int64))
+    return Epoch(services(x), CODES, x, inside, issues.count(x, inside), lambda _: said)
 
 
 CALM = epoch(np.zeros((5, 4)))
@@ -112,8 +113,9 @@ def learn(chosen: TrainSettings, *epochs: Epoch, rival: Any = None) -> tuple[Les
     following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
     past = past_of(chosen, *epochs)
     past = past if rival is None else replace(past, rival=rival)
-    taught, after = lesson.learn_from(chosen, policy, epochs[-1], past, following)
-    return taught, after, np.asarray(state_values(policy, epochs[-1].done.observation))
+    value = np.asarray(state_values(policy, epochs[-1].done.observation))
+    taught, after = lesson.learn_from(chosen, policy, value, epochs[-1], past, following)
+    return taught, after, value
 
 
 def assert_at_decisions(found: Any, each: np.ndarray) -> None:
@@ -308,7 +310,8 @@ class TestSurgery:
         past = replace(past, guard=replace(past.guard, strength=0.25))
         policy = train.untrained(chosen).policy
         following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
-        taught, _ = lesson.learn_from(chosen, policy, EPOCH, past, following)
+        value = state_values(policy, EPOCH.done.observation)
+        taught, _ = lesson.learn_from(chosen, policy, value, EPOCH, past, following)
         assert taught.fair is not None
         np.testing.assert_allclose(taught.fair[:, 0], -5 / 4 * 2 / 5 * EXACT, atol=1e-12)
 

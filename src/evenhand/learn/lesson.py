@@ -5,43 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from evenhand import credit, guard, guidance, issues, people
 from evenhand.inference import chance
 from evenhand.learn import losses, rivals
+from evenhand.learn.epoch import Epoch
 from evenhand.learn.past import GUARD, Past
 from evenhand.learn.policy import ActorCritic, state_values
 from evenhand.learn.rival_epoch import EpochOutcome
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.view import view
-from evenhand.restaurant import layout, serve, task, tips
+from evenhand.restaurant import layout, task, tips
 
 _IDENTITY = np.unique([name for name, _ in people.GROUPS], return_inverse=True)[1]
 """Number of the identity of each group, [22]."""
 _TAU = (1.0, 1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Epoch:
-    """n finished services and how even they were.
-
-    Attributes:
-        done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
-        x: issues, [n, 4], NaN where one does not apply.
-        inside: membership, [n, 22].
-        counts: of these services.
-        scores: of these services (Eq. 1 and 2).
-        biased: what the detector says of them.
-    """
-
-    done: serve.Services
-    codes: np.ndarray
-    x: np.ndarray
-    inside: np.ndarray
-    counts: issues.Counts
-    scores: issues.Scores
-    biased: bool
 
 
 @dataclass(frozen=True)
@@ -72,6 +51,7 @@ def remembered(settings: TrainSettings, epoch: Epoch, past: Past) -> Past:
 def learn_from(
     settings: TrainSettings,
     policy: ActorCritic,
+    value: ArrayLike,
     epoch: Epoch,
     past: Past,
     following: layout.Setups,
@@ -81,6 +61,7 @@ def learn_from(
     Args:
         settings: of the run.
         policy: that served.
+        value: of its critic at every decision, [n, L].
         epoch: what happened.
         past: with this epoch in it.
         following: the person after the last one (S_T of Eq. 6).
@@ -88,7 +69,7 @@ def learn_from(
     Returns:
         What the update is given, and the past with what a rival remembers.
     """
-    value = np.asarray(state_values(policy, epoch.done.observation))
+    value = np.asarray(value)
     if settings.preset == "paper":
         even = guidance.person_rewards(epoch.scores, epoch.inside, epoch.biased, settings.guidance)
         return _over_people(settings, policy, value, even, following), past

@@ -112,14 +112,14 @@ def execute(
             if record.seen is not None:
                 seen.append(record.seen)
             lines.append(_line(record))
-            state, past = record.state, record.past
+            state = record.state
             if progress is not None:
                 progress({"epoch": record.epoch} | record.numbers)
             ended = record.epoch + 1
             if ended % every == 0 or ended == settings.epochs:
                 if seen:
                     states.keep(root, seen, ended)
-                _keep(root, state, past, rng, ended, services, lines, prints)
+                _keep(root, record, services, lines, prints)
                 services, seen, lines = [], [], []
         return state
 
@@ -319,24 +319,22 @@ def _epochs_of(path: Path) -> tuple[int, int]:
 
 def _keep(
     root: Path,
-    state: LearnerState,
-    past: Past,
-    rng: np.random.Generator,
-    epoch: int,
+    record: train.EpochRecord,
     services: list[Interactions],
     lines: list[str],
     prints: dict[str, str],
 ) -> None:
     """Everything since the last checkpoint, and the checkpoint last of all."""
+    epoch = record.epoch + 1
     Interactions.concat(services).write_parquet(
         root / "services" / f"{epoch - len(services):06d}-{epoch:06d}.parquet"
     )
     files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))
     checkpoint.save(
         root / "checkpoint.npz",
-        state,
+        record.state,
         fingerprints=prints,
-        extra={"epoch": epoch, "rng": rng.bit_generator.state, "past": past.plain()},
+        extra={"epoch": epoch, "rng": record.rng, "past": record.past.plain()},
     )
 
 

@@ -7,7 +7,7 @@ An epoch is 30 services: serve, score (Eq. 1-2), judge (Eq. 3), reward (Eq. 4-5)
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -19,8 +19,9 @@ from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
 from evenhand.learn import imitate, lesson, reflection
+from evenhand.learn.epoch import ISSUES, Epoch, counted
 from evenhand.learn.past import Past
-from evenhand.learn.policy import Actor, ActorCritic
+from evenhand.learn.policy import Actor, ActorCritic, state_values
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learner, update
 from evenhand.learn.view import view
@@ -40,6 +41,7 @@ class EpochRecord:
         interactions: its services.
         state: the learner after the update.
         past: what the next epoch has to remember beside it.
+        rng: state of the generator where the next epoch begins.
         seen: what was to be seen of its services, if they were recorded.
     """
 
@@ -48,6 +50,7 @@ class EpochRecord:
     interactions: Interactions
     state: LearnerState
     past: Past
+    rng: Mapping[str, Any]
     seen: Recording | None = None
 
 
@@ -107,7 +110,7 @@ def train(
         settings: of the run.
         detector: judges every epoch.
         state: where to go on from; by default the beginning of the run.
-        rng: as it was then; the run's own stream by default.
+        rng: as it was then; the run's own stream by default. It runs ahead of what is yielded.
         first_epoch: number of the next epoch.
         past: as it was then; empty by default.
         recorded: keep what was to be seen of the services.
@@ -125,39 +128,22 @@ def train(
     past = Past.empty(settings) if past is None else past
     near = anchor(settings)
     lanes = Lanes(settings.people, settings.task, threads)
-    population = people.population(settings.world.population)
+    served, following = _drawn(settings, lanes, rng)
     for number in range(first_epoch, settings.epochs):
         began = perf_counter()
-        # one more person than is served: where Eq. 6 looks on to (S_T)
-        setups = layout.draw(population, settings.people + 1, rng)
-        served, following = setups[:-1], setups[-1:]
-        done = serve.serve(
-            lanes,
-            served,
-            robot(settings, state.policy),
-            rng,
-            settings.sensor,
-            settings.needs,
-            recorded=recorded,
-        )
+        before, asking = state.policy, served.setups.asking
+        done = serve.run(lanes, served, robot(settings, before), recorded=recorded)
         first = number * settings.people
         seen = None if done.seen is None else renumbered(done.seen, first)
         done = replace(done, observation=view(settings, done.observation))
-        table = serve.record(
-            done.facts,
-            served.asking,
-            epoch=number,
-            scenario=settings.scenario,
-            robot=settings.update.algorithm,
-            first_service=first,
-        )
+        # JAX computes while Python goes on, here and after the update
+        value = state_values(before, done.observation)
         served_at = perf_counter()
-        epoch, probability = judged(table, done, served.asking, detector)
+        epoch = counted(done, asking, detector)
         past = lesson.remembered(settings, epoch, past)
-        taught, past = lesson.learn_from(settings, state.policy, epoch, past, following)
+        taught, past = lesson.learn_from(settings, before, value, epoch, past, following)
         trajectories = Trajectories(done.observation, done.action, done.mask)
         updating_at = perf_counter()
-        before = state.policy
         state, report = update(
             state,
             trajectories,
@@ -168,24 +154,47 @@ def train(
             taught.fair,
             near,
         )
-        updated_at = perf_counter()
+        drawn = rng.bit_generator.state
+        if number + 1 < settings.epochs:
+            served, following = _drawn(settings, lanes, rng)
+        table = serve.record(
+            done.facts,
+            asking,
+            epoch=number,
+            scenario=settings.scenario,
+            robot=settings.update.algorithm,
+            first_service=first,
+        )
         numbers = _numbers(settings, done.facts, epoch.scores, taught.even)
         numbers |= {
             "biased_detector": epoch.biased,
             "biased_threshold": bool(epoch.scores.total > settings.threshold),
             # -inf, which becomes a missing number, when nothing could be judged
-            "probability": np.nan_to_num(probability, nan=-np.inf).max(),
+            "probability": np.nan_to_num(epoch.verdict.probability, nan=-np.inf).max(),
             "guard_strength": past.guard.strength,
             "guard_weight": guard.weight(past.guard),
-            "time_serving": served_at - began,
-            "time_updating": updated_at - updating_at,
         }
-        numbers |= {f"update_{name}": value for name, value in vars(report).items()}
+        numbers |= {f"update_{name}": float(x) for name, x in vars(report).items()}
+        updated_at = perf_counter()
         if settings.reflect:
             found, past = _reflect(settings, before, state.policy, trajectories, epoch, past)
             numbers |= found.numbers()
-        numbers["time_reflecting"] = perf_counter() - updated_at
-        yield EpochRecord(number, _plain(numbers), table, state, past, seen)
+        numbers |= {
+            "time_serving": served_at - began,
+            "time_updating": updated_at - updating_at,
+            "time_reflecting": perf_counter() - updated_at,
+        }
+        yield EpochRecord(number, _plain(numbers), table, state, past, drawn, seen)
+
+
+def _drawn(
+    settings: TrainSettings, lanes: Lanes, rng: np.random.Generator
+) -> tuple[serve.Drawn, layout.Setups]:
+    """The services of an epoch, and the person after them: where Eq. 6 looks on to (S_T)."""
+    population = people.population(settings.world.population)
+    setups = layout.draw(population, settings.people + 1, rng)
+    served = serve.draw(lanes, setups[:-1], rng, settings.sensor, settings.needs)
+    return served, setups[-1:]
 
 
 def check_detector(detector: Detector) -> None:
@@ -195,11 +204,10 @@ def check_detector(detector: Detector) -> None:
         InputError: when it judges other issues or asks for them in another order, or was taught
             with identities that nobody here has.
     """
-    names = tuple(issue.name for issue in issues.PAPER_ISSUES)
-    if detector.issues != names:
+    if detector.issues != ISSUES:
         raise InputError(
             f"the detector judges {', '.join(detector.issues)}, and training scores "
-            f"{', '.join(names)}, in this order: fit a detector to judgements of these issues"
+            f"{', '.join(ISSUES)}, in this order: fit a detector to judgements of these issues"
         )
     known = [identity.name for identity in people.IDENTITIES]
     if not detector.identities or not {*detector.identities} <= {*known}:
@@ -210,32 +218,12 @@ def check_detector(detector: Detector) -> None:
         )
 
 
-def judged(
-    table: Interactions, done: serve.Services, codes: np.ndarray, detector: Detector
-) -> tuple[lesson.Epoch, np.ndarray]:
-    """Scores of an epoch and the detector's verdict.
-
-    Returns:
-        The epoch, and the probabilities behind the verdict, one an identity.
-    """
-    who = issues.membership(table)
-    x = issues.indicators(table)
-    counts = issues.count(x, who.inside)
-    names = [issue.name for issue in issues.PAPER_ISSUES]
-    scores = issues.scores_of(counts, who.groups, names)
-    # only what the detector was taught: each identity more raises the false alarms
-    known = {name: scores.by_identity[name] for name in detector.identities}
-    verdict = detector.judge_window(known)
-    epoch = lesson.Epoch(done, codes, x, who.inside, counts, scores, bool(verdict.biased))
-    return epoch, verdict.probability
-
-
 def _reflect(
     settings: TrainSettings,
     before: ActorCritic,
     after: ActorCritic,
     trajectories: Trajectories,
-    epoch: lesson.Epoch,
+    epoch: Epoch,
     past: Past,
 ) -> tuple[Reflection, Past]:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""

@@ -131,21 +131,24 @@ class Anchor(NamedTuple):
 
 @dataclass(frozen=True)
 class UpdateReport:
-    """What one update did; averages over its gradient steps or over all valid decisions."""
+    """What one update did; averages over its gradient steps or over all valid decisions.
 
-    policy_loss: float
+    Scalars that may still be computed while Python goes on; ``float`` waits for them.
+    """
+
+    policy_loss: jax.Array
     """Mean over gradient steps of the loss of REINFORCE or of Eq. 7 (negated)."""
-    value_loss: float
+    value_loss: jax.Array
     """Mean over gradient steps of half the critic's squared error."""
-    entropy: float
+    entropy: jax.Array
     """Entropy of the policy in nats, after the update."""
-    approx_kl: float
+    approx_kl: jax.Array
     """How far the policy moved in this update, in nats."""
-    clip_fraction: float
+    clip_fraction: jax.Array
     """Share of decisions whose probability ratio left [1-ε, 1+ε] in this update."""
-    explained_variance: float
+    explained_variance: jax.Array
     """Of the critic before the update; not a number when all targets are alike."""
-    grad_norm: float
+    grad_norm: jax.Array
     """Mean length of the gradient before shortening."""
 
 
@@ -313,7 +316,7 @@ def update(
         anchor: a policy to stay near; None leaves it out.
 
     Returns:
-        The new state and what happened.
+        The new state and what happened, both perhaps still being computed.
 
     Raises:
         ValueError: no decision happened, shapes differ, or a number at a decision that happened
@@ -326,4 +329,4 @@ def update(
     else:
         order = deal(count, capacity, settings.passes, settings.minibatches, rng)
     state, report = _steps(state, decisions, order, settings, fair is not None, anchor)
-    return state, UpdateReport(**{name: float(x) for name, x in report.items()})
+    return state, UpdateReport(**report)

@@ -17,7 +17,7 @@ both in proportion to the strength.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,9 +58,6 @@ class Needs:
     room: np.ndarray
     reach: np.ndarray
     signal: np.ndarray
-
-    def __getitem__(self, rows: slice | np.ndarray) -> Needs:
-        return Needs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 def draw(settings: NeedSettings, codes: np.ndarray, rng: np.random.Generator) -> Needs:

@@ -20,7 +20,7 @@ measurements at strength 1; they disagree with each other, so all of these are r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -70,9 +70,6 @@ class Chances:
     noise: np.ndarray
     fails: np.ndarray
     stretch: np.ndarray
-
-    def __getitem__(self, rows: slice | np.ndarray) -> Chances:
-        return Chances(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 def missed(perception: float, codes: np.ndarray) -> np.ndarray:

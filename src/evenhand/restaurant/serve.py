@@ -14,7 +14,7 @@ import numpy as np
 from evenhand import people
 from evenhand.interactions import Interactions
 from evenhand.restaurant import kernels, layout, needs, plan, recording, senses, task
-from evenhand.restaurant.lanes import Facts, Lanes
+from evenhand.restaurant.lanes import Beginning, Facts, Lanes
 from evenhand.restaurant.recording import Recording
 
 Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -44,6 +44,37 @@ class Services:
     seen: Recording | None = None
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """N services with everything in them that is left to chance.
+
+    Attributes:
+        setups: who is where.
+        beginning: of the services, with every reading of the sensor.
+        uniform: decides on every action, [N, L].
+    """
+
+    setups: layout.Setups
+    beginning: Beginning
+    uniform: np.ndarray
+
+
+def draw(
+    lanes: Lanes,
+    setups: layout.Setups,
+    rng: np.random.Generator,
+    sense: senses.SenseSettings,
+    wanted: needs.NeedSettings | None = None,
+) -> Drawn:
+    """Leave to chance what can be drawn before the services begin; see ``serve``."""
+    total, length = len(setups), lanes.settings.decisions
+    elapsed = lanes.settings.interval * plan.TIMESTEP
+    chances = senses.draw(sense, setups.asking, length + 1, elapsed, rng)
+    people_need = needs.draw(wanted or needs.NeedSettings(), setups.asking, rng)
+    uniform = rng.random((total, length))
+    return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform)
+
+
 def serve(
     lanes: Lanes,
     setups: layout.Setups,
@@ -65,21 +96,21 @@ def serve(
         wanted: who needs another service; nobody by default.
         recorded: keep what was to be seen.
     """
-    total, length = len(setups), lanes.settings.decisions
-    elapsed = lanes.settings.interval * plan.TIMESTEP
-    chances = senses.draw(sense, setups.asking, length + 1, elapsed, rng)
-    people_need = needs.draw(wanted or needs.NeedSettings(), setups.asking, rng)
-    uniform = rng.random((total, length))
+    return run(lanes, draw(lanes, setups, rng, sense, wanted), robot, recorded=recorded)
+
+
+def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Services:
+    """Run services that have been drawn to their ends; see ``serve``."""
+    setups, uniform = drawn.setups, drawn.uniform
+    total, length = uniform.shape
     observation = np.zeros((total, length, task.OBSERVATION_SIZE), np.float32)
     action = np.zeros((total, length), np.int32)
     mask = np.zeros((total, length), np.float32)
     pose = np.full((total, length + 1, 3), np.nan) if recorded else None
     parts = []
     for first in range(0, total, lanes.n):
-        rows = slice(first, min(first + lanes.n, total))
-        ids = np.arange(rows.stop - rows.start)
-        lanes.begin(ids, lanes.prepare(setups[rows], chances[rows], people_need[rows]), ids)
-        active = ids
+        ids = active = np.arange(min(lanes.n, total - first))
+        lanes.begin(ids, drawn.beginning, ids + first)
         for k in range(length):
             known = lanes.observe(active)
             row = active + first
@@ -91,9 +122,10 @@ def serve(
             lanes.respond(responding)
             if len(active):
                 over = lanes.walk(active)
-                if pose is not None and over.any():
-                    pose[active[over] + first, k + 1] = lanes.world.state[active[over]]
-                active = active[~over]
+                if over.any():
+                    if pose is not None:
+                        pose[active[over] + first, k + 1] = lanes.world.state[active[over]]
+                    active = active[~over]
             if not len(active):
                 break
         parts.append(lanes.facts(ids))

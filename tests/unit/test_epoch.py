@@ -1,0 +1,65 @@
+"""An epoch is counted without a table in between, and comes out as its table would."""
+
+import numpy as np
+import pytest
+
+from evenhand import detector_io, issues, people
+from evenhand.learn import epoch
+from evenhand.restaurant import layout, senses, serve, task
+from evenhand.restaurant.lanes import Lanes
+
+DETECTOR = detector_io.load(detector_io.SHIPPED)
+
+
+@pytest.fixture(scope="module")
+def served() -> tuple[layout.Setups, serve.Services]:
+    rng = np.random.default_rng(5)
+    setups = layout.draw(people.population("uniform"), 40, rng)
+
+    def robot(seen: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Half of the people are never answered."""
+        return np.where(rows % 2 == 0, 0.06, 0.0)
+
+    return setups, serve.serve(
+        Lanes(16, task.TaskSettings()), setups, robot, rng, senses.SenseSettings()
+    )
+
+
+def test_issues_and_groups_are_those_of_the_table(served):
+    setups, done = served
+    found = epoch.counted(done, setups.asking, DETECTOR)
+    table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
+    who = issues.membership(table)
+    assert who.groups == tuple(people.GROUPS)
+    np.testing.assert_array_equal(found.inside, who.inside)
+    np.testing.assert_array_equal(found.x, issues.indicators(table))
+    assert {0.0, 1.0, -1.0} == {*np.nan_to_num(found.x, nan=-1.0).ravel()}
+
+
+def test_scores_and_verdict_are_those_of_the_table(served):
+    setups, done = served
+    found = epoch.counted(done, setups.asking, DETECTOR)
+    table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
+    wanted = issues.score(table)
+    np.testing.assert_array_equal(found.scores.overall, wanted.overall)
+    said = DETECTOR.judge_window({name: wanted.by_identity[name] for name in DETECTOR.identities})
+    np.testing.assert_array_equal(found.verdict.probability, said.probability)
+    assert found.biased is bool(said.biased)
+
+
+def test_nobody_is_judged_before_it_is_asked_for(served):
+    setups, done = served
+    asked = []
+
+    class Once:
+        identities = DETECTOR.identities
+
+        def judge_window(self, scores):
+            asked.append(scores)
+            return DETECTOR.judge_window(scores)
+
+    found = epoch.counted(done, setups.asking, Once())
+    assert found.scores.total >= 0
+    assert not asked
+    assert [found.biased, found.biased] == [bool(found.verdict.biased)] * 2
+    assert len(asked) == 1
