@@ -1,4 +1,4 @@
-"""Time to train one PPO arm of the restaurant: Evenhand, and Stable-Baselines3 in two ways.
+"""Time to train one PPO arm of the restaurant: Evenhand, and Stable-Baselines3 in three ways.
 
 All do the same work: they serve as many people by the same untrained behaviour, and take as many
 gradient steps, each on as many decisions. The learning rate is next to nothing, so that behaviour,
@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
 from evenhand import bench, detector_io
 from evenhand import show as display
@@ -28,7 +30,7 @@ from evenhand.restaurant.env import RestaurantEnv
 
 STILL = 1e-12
 """Learning rate."""
-_ROUNDS = 3
+_ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,9 @@ def measure(epochs: int = 30) -> dict[str, Any]:
 
     Returns:
         ``sb3_physics_s``: seconds that bare ``mj_step`` takes for 1,000 such services, which no
-        learner can do without; ``sb3_ratio``: wall time of Stable-Baselines3 over single
-        environments (its own ``DummyVecEnv``) to Evenhand's; ``sb3_ratio_adapter``: over the
-        adapter, to Evenhand's;
+        learner can do without; ``sb3_ratio``: wall time of Stable-Baselines3 over Gymnasium's
+        ``SyncVectorEnv`` to Evenhand's; ``sb3_ratio_dummy``: over its own ``DummyVecEnv``, to
+        Evenhand's; ``sb3_ratio_adapter``: over the adapter, to Evenhand's;
         ``sb3_ratio_callback``: over the adapter with guidance and self-reflection, to the same
         without; and for each side seconds for 1,000 services, decisions a second, decisions of a
         service, gradient steps and their size.
@@ -68,16 +70,12 @@ def measure(epochs: int = 30) -> dict[str, Any]:
     first = _evenhand(settings)  # warm; and how long services are
     steps = round(first.decisions / first.services)
 
-    def single(lanes: int) -> Any:
-        from stable_baselines3.common.env_util import make_vec_env
-
-        return make_vec_env(RestaurantEnv, lanes, seed=0)
-
     sides: dict[str, Callable[[], Turn]] = {
         "evenhand": lambda: _evenhand(settings),
         "adapter": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=False),
         "guided": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=True),
-        "single": _sb3(settings, single, steps, guided=False),
+        "sync": _sb3(settings, _sync, steps, guided=False),
+        "dummy": _sb3(settings, _dummy, steps, guided=False),
     }
     turns: dict[str, list[Turn]] = {name: [] for name in sides}
     bare, rates = bench.bare(), []
@@ -95,11 +93,32 @@ def measure(epochs: int = 30) -> dict[str, Any]:
     driven = 1000 * first.decisions / first.services * settings.task.interval
     return {
         "sb3_physics_s": round(driven / float(np.median(rates)), 2),
-        "sb3_ratio": ratio("single", "evenhand"),
+        "sb3_ratio": ratio("sync", "evenhand"),
+        "sb3_ratio_dummy": ratio("dummy", "evenhand"),
         "sb3_ratio_adapter": ratio("adapter", "evenhand"),
         "sb3_ratio_callback": ratio("guided", "adapter"),
         "sb3_sides": {name: _told(each) for name, each in turns.items()},
     }
+
+
+def _sync(lanes: int) -> Any:
+    """Single environments in a vector environment of Gymnasium."""
+    from stable_baselines3.common.vec_env import VecMonitor
+
+    from evenhand.adapters.sb3 import ServiceVecEnv
+
+    mode = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    envs = gym.make_vec(
+        "evenhand/Restaurant-v0", lanes, vectorization_mode="sync", vector_kwargs=mode
+    )
+    return VecMonitor(ServiceVecEnv(envs))
+
+
+def _dummy(lanes: int) -> Any:
+    """Single environments in a vector environment of Stable-Baselines3."""
+    from stable_baselines3.common.env_util import make_vec_env
+
+    return make_vec_env(RestaurantEnv, lanes, seed=0)
 
 
 def _told(turns: list[Turn]) -> dict[str, float]:
@@ -198,13 +217,14 @@ def show(found: dict[str, Any]) -> None:
         "evenhand": "Evenhand",
         "adapter": "Stable-Baselines3, adapter",
         "guided": "the same, guided and examined",
-        "single": "Stable-Baselines3, single environments",
+        "sync": "Stable-Baselines3, Gymnasium's SyncVectorEnv",
+        "dummy": "Stable-Baselines3, its DummyVecEnv",
     }
     sides = found["sb3_sides"]
     display.table(
-        f"Training by PPO: single environments take {found['sb3_ratio']} times as long as "
-        f"Evenhand, the adapter {found['sb3_ratio_adapter']} times; the callback "
-        f"{found['sb3_ratio_callback']} times that",
+        f"Training by PPO: Gymnasium's environments take {found['sb3_ratio']} times as long as "
+        f"Evenhand, those of Stable-Baselines3 {found['sb3_ratio_dummy']}, the adapter "
+        f"{found['sb3_ratio_adapter']}; the callback {found['sb3_ratio_callback']} times that",
         (
             "",
             "s for 1,000 services",

@@ -16,7 +16,7 @@ def test_all_sides_do_the_same_work(capsys, monkeypatch):
     found = bench_sb3.measure(4)
     sides = found["sb3_sides"]
     ours = sides["evenhand"]
-    assert set(sides) == {"evenhand", "adapter", "guided", "single"}
+    assert set(sides) == {"evenhand", "adapter", "guided", "sync", "dummy"}
     assert ours["gradient_steps"] == 4 * 16
     for side in sides.values():
         assert side["decisions_per_service"] == pytest.approx(
@@ -25,7 +25,7 @@ def test_all_sides_do_the_same_work(capsys, monkeypatch):
         assert side["gradient_steps"] == pytest.approx(ours["gradient_steps"], rel=0.5)
     bench_sb3.show(found)
     out = " ".join(capsys.readouterr().out.split())
-    assert f"single environments take {found['sb3_ratio']} times as long" in out
+    assert f"Gymnasium's environments take {found['sb3_ratio']} times as long" in out
 
 
 def test_no_epochs():
