@@ -9,7 +9,7 @@ import pytest
 
 from evenhand.study import participating, protocol_file
 from evenhand.study.store import opened
-from support.studies import Browser, served
+from support.studies import FILM, Browser, served
 
 FILLED = re.compile(r"\[\[(?!(?:sets|demographics|questions|checks|pairs)\]\])[^\[\]]+\]\]")
 
@@ -23,7 +23,7 @@ def file(tmp_path):
     assert study is not None, wrong
     study.clips.mkdir()
     for name in study.clip_names:
-        (study.clips / name).touch()
+        (study.clips / name).write_bytes(FILM)
     return path
 
 

@@ -93,6 +93,9 @@ def test_the_page_is_served_once_it_is_built(study, tmp_path):
     made, kept = served(study=study, static=static)
     browser = Browser(made)
     assert "built" in browser("GET", "/?PROLIFIC_PID=x").text
+    for path in ("/", "/lead"):  # as a watchdog of servers asks
+        told = browser("HEAD", path)
+        assert (told.status_code, told.content) == (200, b"")
     script = browser("GET", "/static/study.js")
     assert (script.text, script.headers["cache-control"]) == ("1", "no-cache")
     for path in ("/static/../../secret.mp4", "/static/%2e%2e/secret.mp4"):

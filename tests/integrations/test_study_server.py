@@ -20,7 +20,7 @@ from evenhand.study import backup, numbers, participating, protocol_file, rows, 
 from evenhand.study.refusals import RefusalError
 from support import study_load
 from support.postgres import programs, server
-from support.studies import ANSWERS, STUDY, Browser, served
+from support.studies import ANSWERS, FILM, STUDY, Browser, served
 
 pytestmark = [
     pytest.mark.slow,
@@ -223,7 +223,7 @@ def file(tmp_path) -> Path:
     assert study is not None
     study.clips.mkdir()
     for name in study.clip_names:
-        (study.clips / name).write_bytes(bytes(range(256)))
+        (study.clips / name).write_bytes(FILM[:10] + bytes(range(10, 256)))
     return path
 
 

@@ -22,6 +22,10 @@ from evenhand.study.protocol import (
 from evenhand.study.web.app import build
 from evenhand.study.web.desk import Settings
 
+FILM = b"\x00\x00\x00\x14ftypisom\x00\x00\x00\x00isom"
+"""How an MP4 file begins: enough for what never plays it."""
+WEBM = b"\x1a\x45\xdf\xa3"
+
 ADMIN = "a-token-of-the-lead-0001"
 LEAD = {"authorization": f"Bearer {ADMIN}"}
 

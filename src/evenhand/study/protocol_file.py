@@ -68,7 +68,7 @@ def examine(
     Args:
         path: of the file.
         clips: folder of the clips, instead of the one that the file names.
-        look: whether a clip that is not there is a mistake.
+        look: whether a clip that is not there, or is no film, is a mistake.
 
     Raises:
         InputError: when the file cannot be read at all.
@@ -82,7 +82,7 @@ def examine(
     study = study if clips is None else replace(study, clips=clips)
     wrong += _fitting(study, [place for place, _ in wrong])
     if look:
-        wrong += _missing(study)
+        wrong += [*_missing(study), *_no_films(study)]
     if not wrong:
         return study, []
     return None, located(text, wrong, _named)
@@ -103,6 +103,24 @@ def _missing(study: Protocol) -> Iterator[tuple[Place, str]]:
                 told += f"`evenhand film study --out {study.clips}`, or name their folder with "
                 told += "--clips FOLDER"
             yield ("sets", number, "clips"), f"{', '.join(lost)} {are} not {told}"
+
+
+def _no_films(study: Protocol) -> Iterator[tuple[Place, str]]:
+    """Clips that are there but are none, by their first bytes (ISO/IEC 14496-12, RFC 8794)."""
+    for number, one in enumerate(study.sets):
+        for name in filter(CLIP.fullmatch, one.clips):
+            try:
+                with (study.clips / name).open("rb") as file:
+                    head = file.read(12)
+            except OSError:
+                continue  # was complained about
+            if name.endswith(".mp4"):
+                kind, right = "MP4", head[4:8] == b"ftyp"
+            else:
+                kind, right = "WebM", head[:4] == b"\x1a\x45\xdf\xa3"
+            if not right:
+                told = f"{name} is no {kind} film, and browsers could not show it: export it anew"
+                yield ("sets", number, "clips"), told
 
 
 def unfinished(study: Protocol) -> list[str]:

@@ -12,6 +12,7 @@ from evenhand.study import protocol_file
 from evenhand.study.protocol import Option
 from evenhand.study.protocol_file import PAPER, examine, read, unfinished
 from evenhand.toml.lines import line_of, lines
+from support.studies import FILM, WEBM
 
 GOOD = """\
 format = 1
@@ -85,7 +86,7 @@ def file(tmp_path):
     def write(text: str) -> Path:
         for name in ("a.mp4", "b.webm", "c.mp4"):
             (tmp_path / "clips").mkdir(exist_ok=True)
-            (tmp_path / "clips" / name).touch()
+            (tmp_path / "clips" / name).write_bytes(WEBM if name == "b.webm" else FILM)
         path = tmp_path / "s.toml"
         path.write_text(text, encoding="utf-8")
         return path
@@ -346,3 +347,21 @@ def test_the_fingerprint_covers_what_answers_mean_and_nothing_else(file):
 
 def test_the_formats_number_is_the_one_that_is_read():
     assert f"format = {protocol_file.FORMAT}\n" in PAPER.read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("c.mp4", b"GIF89a, and some more", "sets 2.clips: c.mp4 is no MP4 film, and browsers"),
+        ("c.mp4", b"", "sets 2.clips: c.mp4 is no MP4 film"),
+        ("c.mp4", WEBM, "sets 2.clips: c.mp4 is no MP4 film"),
+        ("b.webm", FILM, "sets 1.clips: b.webm is no WebM film"),
+    ],
+)
+def test_a_clip_that_is_no_film(file, tmp_path, name, content, said):
+    path = file(GOOD)
+    (tmp_path / "clips" / name).write_bytes(content)
+    (told,) = wrong(path)
+    assert said in told
+    # what was answered can be read all the same
+    assert examine(path, look=False)[1] == []

@@ -50,7 +50,7 @@ def build(study: Protocol, store: Store, settings: Settings) -> FastAPI:
         app.include_router(router)
     app.state.routes = [route for router in routers for route in router.routes]
 
-    @app.get("/", include_in_schema=False)
+    @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
     def page() -> Response:
         index = settings.static / "index.html"
         if not index.is_file():

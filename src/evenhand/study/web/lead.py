@@ -45,7 +45,7 @@ def router(desk: Desk) -> APIRouter:
         page = templates.fill("login.html", _TEMPLATES, study=desk.study, sentence=sentence)
         return HTMLResponse(page, status)
 
-    @found.get("")
+    @found.api_route("", methods=["GET", "HEAD"])
     def dashboard(session: Session = "") -> Response:
         if not desk.logged_in(session):
             return form(200)
