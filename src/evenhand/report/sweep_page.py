@@ -116,6 +116,8 @@ def _variants(
         if row["scenario"] != POOLED:
             heads.setdefault(row["variant"], {})[head] = None
     found = []
+    # what one variant changes is said of all
+    named = dict.fromkeys(key for said in manifest["variants"].values() for key in said)
     for name, settings in manifest["variants"].items():
         lines = []
         for scenario, algorithm, arm in heads.get(name, {}):
@@ -130,5 +132,5 @@ def _variants(
             numbers = [*rest, biased]
             label = ", ".join(filter(None, (arm_label(arm), algorithm_label(algorithm))))
             lines.append((scenario, label, max(row["seeds"] for row in rows), numbers))
-        found.append((name, html.flat(settings), lines))
+        found.append((name, html.flat(dict.fromkeys(named, "by default") | settings), lines))
     return found

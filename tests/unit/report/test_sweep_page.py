@@ -77,6 +77,16 @@ def test_every_arm_of_a_variant_with_its_numbers(folder):
     assert 'href="variants/clip%3D0.3/report.html"' in (folder / "report.html").read_text()
 
 
+def test_what_one_variant_changes_is_said_of_all(folder):
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["variants"] |= {"default": {"epochs": 40}, "gamma=0.9": {"epochs": 40, "gamma": 0.9}}
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    text = text_of(sweep_page.build(folder))
+    assert "epochs 40, clip 0.3, gamma by default." in text
+    assert "epochs 40, clip by default, gamma by default." in text
+    assert "epochs 40, clip by default, gamma 0.9." in text
+
+
 def test_without_failures_none_are_spoken_of(folder):
     write_csv(folder / "runs.csv", RUNS, [run(0), run(1)])
     manifest = json.loads((folder / "manifest.json").read_text())
