@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evenhand import detector_io, issues, people
+from evenhand.detector import Detector
 from evenhand.learn import epoch
 from evenhand.restaurant import layout, senses, serve, task
 from evenhand.restaurant.lanes import Lanes
@@ -47,18 +48,17 @@ def test_scores_and_verdict_are_those_of_the_table(served):
     assert found.biased is bool(said.biased)
 
 
-def test_nobody_is_judged_before_it_is_asked_for(served):
+def test_nobody_is_judged_before_it_is_asked_for(served, monkeypatch):
     setups, done = served
     asked = []
+    judge = Detector.judge_window
 
-    class Once:
-        identities = DETECTOR.identities
+    def noted(self, scores):
+        asked.append(scores)
+        return judge(self, scores)
 
-        def judge_window(self, scores):
-            asked.append(scores)
-            return DETECTOR.judge_window(scores)
-
-    found = epoch.counted(done, setups.asking, Once())
+    monkeypatch.setattr(Detector, "judge_window", noted)
+    found = epoch.counted(done, setups.asking, DETECTOR)
     assert found.scores.total >= 0
     assert not asked
     assert [found.biased, found.biased] == [bool(found.verdict.biased)] * 2
