@@ -133,7 +133,8 @@ def test_nothing_to_be_fair_about_changes_nothing(algorithm):
             with_zeros, batch, grid(1), grid(2), settings, rng(epoch), np.zeros((N, L))
         )
         for name, number in vars(one).items():
-            assert getattr(two, name) == pytest.approx(number, rel=1e-4, abs=1e-6), name
+            wanted = pytest.approx(float(number), rel=1e-4, abs=1e-6)
+            assert float(getattr(two, name)) == wanted, name
     np.testing.assert_allclose(vector(with_zeros), vector(plain), rtol=1e-4, atol=1e-6)
 
 
