@@ -10,17 +10,15 @@ served before: the same model, places and drive commands, and nothing else.
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from time import perf_counter, process_time
 from typing import Any
 
 import mujoco
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
-from mujoco.batch import Batch
 
 from evenhand import detector_io, people
 from evenhand import show as display
@@ -231,48 +229,27 @@ def _stepper(env: VectorEnv, n: int, actor: Actor) -> Stepper:
 
 
 def epoch_share() -> tuple[dict[str, float], float]:
-    """Shares of an epoch of PPO on the service preset: physics, policy, update, rest.
+    """Shares of an epoch of PPO on the service preset: serving, update, rest.
 
     Returns:
         The shares, and the time of an epoch with self-reflection relative to one without.
     """
     settings = settings_of("service", "ppo", "penalty", epochs=_EPOCHS + 2)
     judge = detector_io.load(detector_io.SHIPPED)
-    physics = policy = update = reflecting = 0.0
-    with _timed(Batch, "rollout") as stepping, _timed(Actor, "probability") as acting:
-        whole = 0.0
+    serving = update = reflecting = whole = 0.0
+    mark = perf_counter()
+    for record in train.train(settings, judge):
+        now = perf_counter()
+        if record.epoch >= 2:  # the first ones compile
+            whole += now - mark
+            serving += record.numbers["time_serving"]
+            update += record.numbers["time_updating"]
+            reflecting += record.numbers["time_reflecting"]
         mark = perf_counter()
-        for record in train.train(settings, judge):
-            now = perf_counter()
-            if record.epoch >= 2:  # the first ones compile
-                whole += now - mark
-                physics, policy = physics + stepping[0], policy + acting[0]
-                update += record.numbers["time_updating"]
-                reflecting += record.numbers["time_reflecting"]
-            stepping[0] = acting[0] = 0.0
-            mark = perf_counter()
-    shares = {"physics": physics / whole, "policy": policy / whole, "update": update / whole}
+    shares = {"serving": serving / whole, "update": update / whole}
     shares["rest"] = 1.0 - sum(shares.values())
     rounded = {name: round(share, 3) for name, share in shares.items()}
     return rounded, round(whole / (whole - reflecting), 3)
-
-
-@contextlib.contextmanager
-def _timed(owner: type, name: str) -> Iterator[list[float]]:
-    """Add up the seconds spent in a method."""
-    original, spent = getattr(owner, name), [0.0]
-
-    def timed(*args: Any, **kwargs: Any) -> Any:
-        began = perf_counter()
-        out = original(*args, **kwargs)
-        spent[0] += perf_counter() - began
-        return out
-
-    setattr(owner, name, timed)
-    try:
-        yield spent
-    finally:
-        setattr(owner, name, original)
 
 
 def show(found: dict[str, Any]) -> None:

@@ -27,3 +27,8 @@ def compiled(function: F, **options: Any) -> F:
         return cast(F, numba.njit(function, cache=True, **options))
     except RuntimeError:
         return cast(F, numba.njit(function, **options))
+
+
+def compiled_apart(function: F) -> F:
+    """The same, and other threads of Python go on while it runs."""
+    return compiled(function, nogil=True)

@@ -1,7 +1,6 @@
 """The physics: a plain loop of MuJoCo is the oracle, and nobody stands where nobody can."""
 
 import copy
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -11,6 +10,7 @@ from scipy import stats
 from evenhand import people
 from evenhand.restaurant import layout, plan, scene
 from evenhand.restaurant.world import World
+from support.setups import bumping, drawn
 
 LEAN = scene.model()
 KINDS = {
@@ -27,18 +27,6 @@ KINDS = {
 def names(model: mujoco.MjModel, kind: str) -> list[str | None]:
     code, size = KINDS[kind]
     return [mujoco.mj_id2name(model, code, i) for i in range(getattr(model, size))]
-
-
-def drawn(n: int, seed: int, population: str = "uniform") -> layout.Setups:
-    return layout.draw(people.population(population), n, np.random.default_rng(seed))
-
-
-def bumping(n: int, seed: int) -> layout.Setups:
-    """Set-ups in which another guest pushes into the robot from the start of the first service."""
-    setups = drawn(n, seed)
-    position = setups.position.copy()
-    position[0, 5] = setups.start[0] + (setups.radius[0, 5] + plan.ROBOT_RADIUS - 0.03, 0.01)
-    return replace(setups, position=position)
 
 
 class Plain:

@@ -5,7 +5,7 @@ import pytest
 
 from evenhand import people
 from evenhand.errors import InputError
-from evenhand.restaurant import kernels, layout, senses, task
+from evenhand.restaurant import driving, layout, senses, task
 from evenhand.restaurant.lanes import PERCEIVED, Lanes
 from evenhand.restaurant.senses import SenseSettings
 
@@ -129,7 +129,7 @@ class TestReading:
         noise[:4, 3] = [0.1, np.nan, -0.2, np.nan]  # the timer shows step 15, so reading 3
         seen = np.array([[1.2, 1.6], [2.0, 0.0], [0.05, 0.0], [0.0, 3.0], [1.0, 0.0]])
         clock = np.array([0.28, 0.28, 0.28, 0.28, 0.0])
-        over = kernels.read(np.arange(4), seen, clock, noise, lanes, 0.02, 5, 15)
+        over = driving.read(np.arange(4), seen, clock, noise, lanes, 0.02, 5, 15)
         assert over.all()  # 15 of 15 steps
         # fresh; kept and older; not below nothing; kept and older still; not asked
         np.testing.assert_allclose(lanes["reading"], [2.1, 2.5, 0.0, 3.3, 9.0])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenhand.errors import InputError
-from evenhand.restaurant import plan, route, task
+from evenhand.restaurant import driving, plan, task
 from evenhand.restaurant.task import TaskSettings
 
 
@@ -30,7 +30,7 @@ class TestTimes:
 
 
 def steer(robot: complex, heading: float, target: complex, gap: float) -> np.ndarray:
-    command = route.steer(robot, heading, target, gap, plan.TOP_SPEED, plan.MAX_ACCELERATION)
+    command = driving.steer(robot, heading, target, gap, plan.TOP_SPEED, plan.MAX_ACCELERATION)
     return np.array(command)
 
 

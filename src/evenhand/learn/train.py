@@ -24,9 +24,9 @@ from evenhand.learn.past import Past
 from evenhand.learn.policy import Actor, ActorCritic, state_values
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learner, update
-from evenhand.learn.view import view
+from evenhand.learn.view import as_network, view
 from evenhand.reflection import Reflection
-from evenhand.restaurant import layout, plan, serve, task
+from evenhand.restaurant import layout, native, plan, serve, task
 from evenhand.restaurant.lanes import Lanes
 from evenhand.restaurant.recording import Recording, renumbered
 
@@ -127,12 +127,17 @@ def train(
     rng = stream(settings) if rng is None else rng
     past = Past.empty(settings) if past is None else past
     near = anchor(settings)
-    lanes = Lanes(settings.people, settings.task, threads)
+    engines = native.Engines(settings.people, threads) if native.found() else None
+    lanes = Lanes(settings.people, settings.task, threads if engines is None else 1)
     served, following = _drawn(settings, lanes, rng)
     for number in range(first_epoch, settings.epochs):
         began = perf_counter()
         before, asking = state.policy, served.setups.asking
-        done = serve.run(lanes, served, robot(settings, before), recorded=recorded)
+        if engines is None:
+            done = serve.run(lanes, served, robot(settings, before), recorded=recorded)
+        else:
+            policy = as_network(settings, before)
+            done = engines.run(served, policy, settings.task, recorded=recorded)
         first = number * settings.people
         seen = None if done.seen is None else renumbered(done.seen, first)
         done = replace(done, observation=view(settings, done.observation))

@@ -5,14 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.learn import rival_formulas
+from evenhand.learn.policy import ActorCritic
 from evenhand.learn.settings import TrainSettings
 from evenhand.restaurant import task
+from evenhand.restaurant.native import Network
 
 _CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
 _SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
 """Of distance and time: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and
 0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the services. The time
 likewise."""
+
+
+def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
+    """The actor with its view of observations, for services as machine code."""
+    actor, scale = policy.actor, _SCALE.copy()
+    if settings.unaware:
+        scale[: task.N_GROUPS] = 0.0
+    return Network(
+        weights=tuple(np.array(w, np.float32) for w in actor.weights),
+        biases=tuple(np.array(b, np.float32) for b in actor.biases),
+        centre=_CENTRE,
+        scale=scale,
+        relu=actor.activation == "relu",
+    )
 
 
 def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from evenhand import issues, people, robots, scenarios
-from evenhand.restaurant import kernels, layout, needs, plan, route, senses, serve, task
+from evenhand.restaurant import driving, layout, needs, plan, senses, serve, task
 from evenhand.restaurant.lanes import Beginning, Facts, Lanes
 
 BATCH = 30
@@ -237,13 +237,13 @@ class Shift:
             return
         data, truth, interval = self.data, self._lanes.world.truth, self.cast.decide.interval
         if self._steps % interval % _STEERED == 0:
-            route.follow(
+            driving.follow(
                 _ONE, data.qpos[None], truth, data.ctrl[None], plan.TOP_SPEED, plan.MAX_ACCELERATION
             )
         mujoco.mj_step(self._model, data)
-        kernels.track(_ONE, data.qpos[None, None], np.array([[data.ncon]]), truth)
+        driving.track(_ONE, data.qpos[None, None], np.array([[data.ncon]]), truth)
         if self._steps % interval == 0:
-            over = kernels.read(
+            over = driving.read(
                 _ONE,
                 data.sensordata[None, :2],
                 data.sensordata[3:4],

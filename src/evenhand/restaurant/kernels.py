@@ -1,4 +1,4 @@
-"""Compiled loops over lanes: what is done for every robot between two decisions.
+"""Compiled loops over lanes: who decides what, what a service was worth, how services begin.
 
 Lanes are rows of structured arrays, whose fields are described where they are made
 (``world.TRUTH``, ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
@@ -16,34 +16,6 @@ LATE = 200
 """Physics steps after which a response is late."""
 RISK = 0.5
 """Nearer than this is a risk."""
-
-
-@compiled
-def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Records) -> None:
-    """Add up what happened in the physics steps since ``route.follow``.
-
-    Args:
-        ids: lanes, int [k].
-        pose: after every step, [k, s, 3].
-        contacts: number of them in every step, [k, s].
-        truth: ``world.TRUTH``, [n], written.
-    """
-    steps = pose.shape[1]
-    for row, i in enumerate(ids):
-        lane = truth[i]
-        person, robot = lane.way[-1], lane.robot
-        least, path, touched, distance = lane.min_distance, lane.path_length, 0, lane.distance
-        for s in range(steps):
-            now = complex(pose[row, s, 0], pose[row, s, 1])
-            path += abs(now - robot)
-            robot = now
-            distance = abs(now - person)
-            least = min(least, distance)
-            touched += contacts[row, s] > 0
-        lane.robot, lane.distance, lane.min_distance = robot, distance, least
-        lane.path_length = path
-        lane.contact_steps += touched
-        lane.steps += steps
 
 
 @compiled
@@ -114,84 +86,6 @@ def decide(
             walks[w] = ids[i]
             w += 1
     return responds[:r], walks[:w]
-
-
-@compiled
-def answer(ids: np.ndarray, truth: Records) -> None:
-    """A response in these lanes, which is one if the person notices it.
-
-    Args:
-        ids: lanes, int [k].
-        truth: ``world.TRUTH``, [n], written.
-    """
-    for i in ids:
-        lane = truth[i]
-        lane.responded = lane.room <= lane.distance <= lane.reach and lane.steps >= lane.signal
-
-
-@compiled
-def read(
-    ids: np.ndarray,
-    seen: np.ndarray,
-    clock: np.ndarray,
-    noise: np.ndarray,
-    perceived: Records,
-    timestep: float,
-    interval: int,
-    max_steps: int,
-) -> np.ndarray:
-    """One reading of the distance sensor and the timer of these lanes.
-
-    As MuJoCo leaves them after a step, readings are one physics step old; the timer adds it.
-
-    Args:
-        ids: lanes, int [k].
-        seen: place of the person by the distance sensor, x and y, [n, 2].
-        clock: seconds by the timer, [n].
-        noise: error of every reading of a service, NaN for one that fails, [n, K].
-        perceived: ``lanes.PERCEIVED``, [n], written: a reading that fails leaves the last one,
-            which grows old.
-        timestep: seconds of a physics step.
-        interval: physics steps between two readings.
-        max_steps: of a service.
-
-    Returns:
-        Which lanes have run out of time, bool [k].
-    """
-    over = np.empty(len(ids), np.bool_)
-    for row, i in enumerate(ids):
-        lane = perceived[i]
-        lane.steps = int(np.rint(clock[i] / timestep)) + 1
-        error = noise[i, lane.steps // interval]
-        if np.isnan(error):
-            lane.age += interval * timestep
-        else:
-            lane.reading = max(lane.stretch * np.hypot(seen[i, 0], seen[i, 1]) + error, 0.0)
-            lane.age = 0.0
-        over[row] = lane.steps >= max_steps
-    return over
-
-
-@compiled
-def observe(
-    ids: np.ndarray,
-    one_hot: np.ndarray,
-    distance: np.ndarray,
-    steps: np.ndarray,
-    age: np.ndarray,
-    units: tuple[float, float, float],
-    limit: float,
-) -> np.ndarray:
-    """What a network takes of these lanes; see ``task.observe``."""
-    groups = one_hot.shape[1]
-    out = np.empty((len(ids), groups + 3), np.float32)
-    for row, i in enumerate(ids):
-        for g in range(groups):
-            out[row, g] = one_hot[i, g]
-        out[row, groups] = min(distance[i] / units[0], limit)
-        out[row, groups + 1] = steps[i] / units[1]
-        out[row, groups + 2] = min(age[i] / units[2], 1.0)
-    return out
 
 
 @compiled

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from evenhand.restaurant import kernels, layout, needs, plan, senses, task
+from evenhand.restaurant import driving, kernels, layout, needs, plan, senses, task
 from evenhand.restaurant.world import Rows, World
 
 PERCEIVED = np.dtype(
@@ -140,7 +140,7 @@ class Lanes:
 
     def respond(self, ids: np.ndarray) -> None:
         """End the services of these lanes with a response, which may go unnoticed (``needs``)."""
-        kernels.answer(ids, self.world.truth)
+        driving.answer(ids, self.world.truth)
 
     def walk(self, ids: np.ndarray) -> np.ndarray:
         """Drive until the next decision.
@@ -153,7 +153,7 @@ class Lanes:
         """
         world, interval = self.world, self.settings.interval
         world.walk(None if len(ids) == self.n else ids, interval)
-        return kernels.read(
+        return driving.read(
             ids,
             world.sensed,
             world.clock,
@@ -166,14 +166,23 @@ class Lanes:
 
     def facts(self, ids: np.ndarray) -> Facts:
         """Facts of the services of these lanes, which have ended."""
-        truth, known = self.world.truth[ids], self.perceived[ids]
-        return Facts(
-            responded=truth["responded"],
-            steps=truth["steps"],
-            distance=truth["distance"],
-            min_distance=truth["min_distance"],
-            start_distance=truth["start_distance"],
-            path_length=truth["path_length"],
-            contact_steps=truth["contact_steps"],
-            sensed_error=known["reading"] - truth["distance"],
-        )
+        return facts_of(self.world.truth[ids], self.perceived[ids])
+
+
+def facts_of(truth: np.ndarray, perceived: np.ndarray) -> Facts:
+    """Facts of N services that have ended.
+
+    Args:
+        truth: ``world.TRUTH``, [N].
+        perceived: ``PERCEIVED``, [N].
+    """
+    return Facts(
+        responded=truth["responded"],
+        steps=truth["steps"],
+        distance=truth["distance"],
+        min_distance=truth["min_distance"],
+        start_distance=truth["start_distance"],
+        path_length=truth["path_length"],
+        contact_steps=truth["contact_steps"],
+        sensed_error=perceived["reading"] - truth["distance"],
+    )

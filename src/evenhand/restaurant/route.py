@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evenhand.compiled import Records, compiled
+from evenhand.compiled import compiled
 from evenhand.restaurant import plan
 
 Points = NDArray[np.complex128]
@@ -24,11 +24,6 @@ _FRONT = np.cos(np.deg2rad(55.0))
 """Within this angle of a seat's front the way leads straight to the person."""
 _WIDEST_TURN = 2.4
 """Radians that a way may follow one disc."""
-_REACHED = 0.20
-"""Metres from a corner of the way at which the robot turns to the next point."""
-_YAW_GAIN, _YAW_SPEED = 6.0, 3.0
-_APPROACH_GAIN = 4.0
-"""Metres per second for each metre that is left; low enough not to overshoot between decisions."""
 
 
 @dataclass(frozen=True)
@@ -218,65 +213,3 @@ def _meet(a: complex, b: complex, c: complex, r: float, side: float) -> tuple[co
     half = min(turn / 2, 1.4)
     middle = touch_a + side * turn / 2
     return c + r / np.cos(half) * complex(np.cos(middle), np.sin(middle)), turn
-
-
-@compiled
-def steer(
-    robot: complex, heading: float, target: complex, gap: float, top_speed: float, brake: float
-) -> tuple[float, float, float]:
-    """Velocities that drive to a point, slowing down as the gap to the person closes.
-
-    Args:
-        robot: centre.
-        heading: radians.
-        target: next point of the way.
-        gap: metres left to the person before ``walk`` stops.
-        top_speed: of the drive, m/s.
-        brake: greatest deceleration of the drive, m/s²; the approach counts on half of it.
-
-    Returns:
-        Commands of the three velocity servos: x, y (m/s) and yaw (rad/s).
-    """
-    way = target - robot
-    gap = max(gap, 0.0)
-    speed = min(np.sqrt(brake * gap), _APPROACH_GAIN * gap, top_speed) / max(abs(way), 1e-9)
-    turn = (np.arctan2(way.imag, way.real) - heading + np.pi) % (2 * np.pi) - np.pi
-    return way.real * speed, way.imag * speed, min(max(_YAW_GAIN * turn, -_YAW_SPEED), _YAW_SPEED)
-
-
-@compiled
-def follow(
-    ids: np.ndarray,
-    pose: np.ndarray,
-    truth: Records,
-    command: np.ndarray,
-    top_speed: float,
-    brake: float,
-) -> None:
-    """Steer robots to the next point of their ways.
-
-    Args:
-        ids: lanes, int [k].
-        pose: x, y (m), yaw (rad), [n, 3].
-        truth: ``world.TRUTH``, [n]; the next point, and where the robot is, are written.
-        command: of the servos, written, [n, 3].
-        top_speed: see ``steer``.
-        brake: see ``steer``.
-    """
-    for i in ids:
-        lane = truth[i]
-        robot = complex(pose[i, 0], pose[i, 1])
-        lane.robot = robot
-        k = lane.next
-        if k < lane.last:
-            near = abs(lane.way[k] - robot) < _REACHED
-            # the point before a seat may be skipped once the robot is in front of it
-            if k == lane.last - 1 and lane.front != 0:
-                near = near or in_front(robot, lane.way[-1], lane.front)
-            if near:
-                k += 1
-                lane.next = k
-        x, y, yaw = steer(
-            robot, pose[i, 2], lane.way[k], lane.distance - lane.stop, top_speed, brake
-        )
-        command[i, 0], command[i, 1], command[i, 2] = x, y, yaw

@@ -22,6 +22,8 @@ SENSOR_PERSON = slice(0, 3)
 """Sensor data: position of the person in the robot's sensor frame, metres."""
 SENSOR_TIMER = 3
 """Sensor data: time since the service began, seconds."""
+SENSOR_CONTACTS = 4
+"""Sensor data: contacts, where they are counted."""
 DRIVE_GAIN = 800.0
 """Newton per metre per second of speed error."""
 
@@ -31,11 +33,12 @@ def guest_name(index: int) -> str:
     return f"guest{index}"
 
 
-def build(dressed: bool = False) -> mujoco.MjSpec:
+def build(dressed: bool = False, counting: bool = False) -> mujoco.MjSpec:
     """The scene as a specification that can be edited before it is compiled.
 
     Args:
         dressed: add looks, lights, and cameras for rendering.
+        counting: add a sensor of how many contacts there are, after the others.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "restaurant"
@@ -52,6 +55,12 @@ def build(dressed: bool = False) -> mujoco.MjSpec:
     robot = _robot(spec)
     guests = [_guest(world, i) for i in range(plan.N_GUESTS)]
     _sensors(spec)
+    if counting:
+        spec.add_sensor(
+            name="contacts",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            intprm=[1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND), 0, 1],
+        )
     if dressed:
         dressing.dress(spec, robot, guests, PERSON)
     return spec

@@ -1,7 +1,7 @@
 """What the robot perceives of the person: readings of the distance sensor, not the truth.
 
 A reading carries noise and sometimes fails; then the last one is kept and grows old (see
-``kernels.read``). The randomness of a service is drawn before it begins, so that one simulation,
+``driving.read``). The randomness of a service is drawn before it begins, so that one simulation,
 many simulations and a replay see the same readings.
 
 **Perception** (off by default) makes readings depend on the person, with the sizes of published

@@ -101,12 +101,10 @@ def serve(
 
 def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Services:
     """Run services that have been drawn to their ends; see ``serve``."""
-    setups, uniform = drawn.setups, drawn.uniform
-    total, length = uniform.shape
-    observation = np.zeros((total, length, task.OBSERVATION_SIZE), np.float32)
-    action = np.zeros((total, length), np.int32)
-    mask = np.zeros((total, length), np.float32)
-    pose = np.full((total, length + 1, 3), np.nan) if recorded else None
+    total, length = drawn.uniform.shape
+    kept = Kept.empty(total, length, recorded=recorded)
+    pose = kept.pose
+    arrays = (kept.observation, kept.action, kept.mask)
     parts = []
     for first in range(0, total, lanes.n):
         ids = active = np.arange(min(lanes.n, total - first))
@@ -117,7 +115,7 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
             if pose is not None:
                 pose[row, k] = lanes.world.state[active]
             responding, active = kernels.decide(
-                active, row, k, known, robot(known, row), uniform, (observation, action, mask)
+                active, row, k, known, robot(known, row), drawn.uniform, arrays
             )
             lanes.respond(responding)
             if len(active):
@@ -132,12 +130,45 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
     facts = Facts(
         **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facts)}
     )
-    seen = None
-    if pose is not None:
-        sensed = observation[:, :, task.N_GROUPS] * task.DISTANCE_UNIT
-        sensed = np.where(mask == 1.0, sensed, np.nan)
-        seen = recording.make(setups, pose, sensed, lanes.settings.interval)
-    return Services(facts, observation, action, mask, seen)
+    return kept.services(drawn.setups, facts, lanes.settings)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What is written down while N services run; see ``Services``.
+
+    Attributes:
+        observation: float32 [N, L, 25].
+        action: int32 [N, L].
+        mask: float32 [N, L].
+        pose: of the robot at every decision and at a time-out, [N, L + 1, 3], if it is recorded.
+    """
+
+    observation: np.ndarray
+    action: np.ndarray
+    mask: np.ndarray
+    pose: np.ndarray | None
+
+    @classmethod
+    def empty(cls, total: int, length: int, *, recorded: bool) -> Kept:
+        """Before N services of L decisions at most."""
+        return cls(
+            np.zeros((total, length, task.OBSERVATION_SIZE), np.float32),
+            np.zeros((total, length), np.int32),
+            np.zeros((total, length), np.float32),
+            np.full((total, length + 1, 3), np.nan) if recorded else None,
+        )
+
+    def services(
+        self, setups: layout.Setups, facts: Facts, settings: task.TaskSettings
+    ) -> Services:
+        """Once they have ended."""
+        seen = None
+        if self.pose is not None:
+            sensed = self.observation[:, :, task.N_GROUPS] * task.DISTANCE_UNIT
+            sensed = np.where(self.mask == 1.0, sensed, np.nan)
+            seen = recording.make(setups, self.pose, sensed, settings.interval)
+        return Services(facts, self.observation, self.action, self.mask, seen)
 
 
 def record(

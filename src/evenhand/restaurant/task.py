@@ -11,7 +11,7 @@ import numpy as np
 
 from evenhand import people
 from evenhand.errors import InputError
-from evenhand.restaurant import kernels, plan
+from evenhand.restaurant import driving, kernels, plan
 
 WALK, RESPOND = 0, 1
 ACTIONS = ("walk", "respond")
@@ -21,6 +21,8 @@ DISTANCE_UNIT = 5.0
 DISTANCE_LIMIT = 2.0
 AGE_UNIT = 1.0
 """Seconds that make 1.0 in the observation; older readings stay at 1.0."""
+UNITS = (DISTANCE_UNIT, float(plan.MAX_STEPS), AGE_UNIT)
+"""Of distance, time and age."""
 N_GROUPS = len(people.GROUPS)
 OBSERVATION_SIZE = N_GROUPS + 3
 
@@ -65,8 +67,7 @@ def observe(
     Returns:
         float32 [k, 25]: 22 groups, distance / 5 m (at most 2), steps / 300, age / 1 s (at most 1).
     """
-    units = (DISTANCE_UNIT, float(plan.MAX_STEPS), AGE_UNIT)
-    return kernels.observe(ids, one_hot, distance, steps, age, units, DISTANCE_LIMIT)
+    return driving.observe(ids, one_hot, distance, steps, age, UNITS, DISTANCE_LIMIT)
 
 
 def quality(

@@ -14,10 +14,10 @@ from mujoco.batch import Batch
 
 from evenhand.cores import THREADS
 from evenhand.errors import whole
-from evenhand.restaurant import kernels, layout, needs, plan, route, scene
+from evenhand.restaurant import driving, kernels, layout, needs, plan, route, scene
 
 _PLACED = ("qpos", "mocap_pos", "mocap_quat")
-_STEERED = 5
+STEERED = 5
 """Physics steps between two commands of the drive, whatever the interval of decisions."""
 TRUTH = np.dtype(
     [
@@ -99,8 +99,7 @@ class World:
         self.sensed, self.clock = sensor[:, :2], sensor[:, scene.SENSOR_TIMER]
         self._state = self._batch.state
         self._sizes = self._batch.expand("geom_size")
-        names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
-        self._guest_geoms = np.array([scene.model().geom(name).id for name in names])
+        self._guest_geoms = guest_geoms()
         self._all = np.arange(n)
         self.truth = np.zeros(n, TRUTH)
 
@@ -173,20 +172,26 @@ class World:
             ids: simulations that drive, sorted, int [k]; None for all.
             steps: physics steps.
         """
-        driving = self._all if ids is None else ids
-        for first in range(0, steps, _STEERED):
-            route.follow(
-                driving, self._qpos, self.truth, self._ctrl, plan.TOP_SPEED, plan.MAX_ACCELERATION
+        moving = self._all if ids is None else ids
+        for first in range(0, steps, STEERED):
+            driving.follow(
+                moving, self._qpos, self.truth, self._ctrl, plan.TOP_SPEED, plan.MAX_ACCELERATION
             )
             # recorded after every physics step, so that no moment of coming close is missed
             seen = self._batch.rollout(
-                min(_STEERED, steps - first), record=("qpos", "ncon"), ids=ids
+                min(STEERED, steps - first), record=("qpos", "ncon"), ids=ids
             )
-            kernels.track(driving, seen["qpos"], seen["ncon"], self.truth)
+            driving.track(moving, seen["qpos"], seen["ncon"], self.truth)
 
     def snapshot(self, sim: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Model and data of one simulation, for rendering or for checking."""
         return self._batch.get_model(sim), self._batch.get_data(sim)
+
+
+def guest_geoms() -> np.ndarray:
+    """Numbers of the guests' footprints among the geoms, int [12]."""
+    names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
+    return np.array([scene.model().geom(name).id for name in names])
 
 
 def _at_height(points: np.ndarray) -> np.ndarray:
