@@ -100,7 +100,7 @@ def follow(
 
 @compiled
 def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Records) -> None:
-    """Add up what happened in the physics steps since ``route.follow``.
+    """Add up what happened in the physics steps since ``follow``.
 
     Args:
         ids: lanes, int [k].
