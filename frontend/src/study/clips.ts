@@ -59,13 +59,15 @@ export class Clips {
   /** Plays what was not seen yet, one after another: how simulated participants watch. */
   async watch(): Promise<void> {
     for (const clip of this.all) {
-      if (clip.done) continue;
       clip.video.muted = true; // without a press of a key, browsers play nothing that can be heard
-      const ended = new Promise((resolve) => {
-        clip.video.addEventListener("ended", resolve, { once: true });
-      });
-      clip.toggle();
-      await ended;
+      // again where a busy machine made a clip in a hurry jump, which is no view
+      while (!clip.done) {
+        const ended = new Promise((resolve) => {
+          clip.video.addEventListener("ended", resolve, { once: true });
+        });
+        clip.toggle();
+        await ended;
+      }
     }
   }
 
