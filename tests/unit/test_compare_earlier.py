@@ -60,6 +60,13 @@ def test_it_is_said_where_all_runs_come_from(tmp_path):
     )
 
 
+def test_what_runs_of_yet_earlier_ones_took_counts_too(tmp_path):
+    before = {"run_seconds": 3600.0, "earlier": {"run_seconds": 7200, "earlier": None}}
+    noted = manifest() | {"created": "2026-11-22", "run_seconds": 1800.0, "earlier": before}
+    path = written(tmp_path, rows(), noted)
+    assert "after 3.5 h of computing" in compare_earlier.all_of_it(path, load(path))
+
+
 def test_every_run_is_taken(tmp_path):
     found = load(written(tmp_path, rows(), manifest()))
     assert set(found.results) == set(CELLS)

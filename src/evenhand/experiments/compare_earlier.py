@@ -15,6 +15,7 @@ from evenhand.experiments import origin
 from evenhand.experiments.compare_settings import Cell, checked
 from evenhand.experiments.compare_tables import METRICS, RESULTS
 from evenhand.learn import run
+from evenhand.report.compare_data import computed
 
 NOTED = ("version", "created", "command", "commit", "versions", "runs", "run_seconds", "earlier")
 """What the manifest of a comparison says of an earlier one that it took runs from."""
@@ -130,9 +131,9 @@ def other_versions(earlier: Earlier | None, here: dict[str, Any]) -> list[str]:
 
 def all_of_it(table: Path | None, earlier: Earlier) -> str:
     """The sentence where nothing is left to run: when, by which code, and how long it took."""
-    commit, seconds = earlier.manifest["commit"], earlier.manifest["run_seconds"]
+    commit, seconds = earlier.manifest["commit"], computed(earlier.manifest)
     made = f" by commit {commit['hash'][:10]}" if isinstance(commit, dict) else ""
-    took = f", after {seconds / 3600:,.1f} h of computing" if isinstance(seconds, float) else ""
+    took = f", after {seconds / 3600:,.1f} h of computing" if seconds else ""
     when = earlier.manifest["created"]
     return f"nothing to run: all runs are taken from {table}, written {when}{made}{took}"
 

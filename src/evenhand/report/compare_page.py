@@ -20,7 +20,7 @@ from evenhand.report import (
     figures_fronts,
     html,
 )
-from evenhand.report.compare_data import Comparison
+from evenhand.report.compare_data import Comparison, computed
 from evenhand.report.figures import Drawn, write
 
 _AIMS = ("corrected_total", "perfect_rate")
@@ -118,7 +118,8 @@ def _facts(c: Comparison) -> list[tuple[str, str]]:
     known = f"{str(commit.get('hash', ''))[:10]}" if commit else "not known"
     took = _hours(manifest["run_seconds"]) if here else ""
     if earlier:
-        before = _hours(earlier["run_seconds"]) if "run_seconds" in earlier else "not known"
+        spent = computed(earlier)
+        before = "not known" if spent is None else _hours(spent)
         took = f"{took}, and earlier {before}" if here else before
     return [
         ("Written", manifest["created"]),
