@@ -11,7 +11,7 @@ from evenhand.learn import train
 from evenhand.learn.policy import Actor, PolicySettings, make_policy
 from evenhand.learn.settings import settings_of
 from evenhand.learn.view import as_network, view
-from evenhand.restaurant import driving, layout, native, needs, scene, senses, serve, task
+from evenhand.restaurant import driving, layout, native, needs, route, scene, senses, serve, task
 from evenhand.restaurant.lanes import Lanes
 from evenhand.restaurant.recording import Recording
 from support.setups import bumping, drawn
@@ -125,6 +125,11 @@ def test_the_network_says_what_the_actor_says(activation):
     said = [driving.forward(one, numbers, wide) for one in seen]
     wanted = Actor(made).probability(view(SETTINGS, seen))
     np.testing.assert_allclose(said, wanted, atol=2e-6)
+
+
+def test_both_files_call_the_same_the_front_of_a_seat():
+    # kept machine code must not read a number from another file
+    assert driving._FRONT == route._FRONT == np.cos(np.deg2rad(55.0))
 
 
 def test_a_simulation_that_breaks_is_told(tmp_path, monkeypatch):

@@ -3,7 +3,8 @@
 ``serve`` asks a robot of any kind at every decision; between two of them a policy that is a network
 needs Python for nothing. Here each service runs from its beginning to its end in one call of MuJoCo
 and the network, and threads take services as they become free. What comes out is what ``serve``
-would give, but for the last bits of a network's sums, which may turn a decision in ten million.
+would give, but that a network's products are summed in another order: where a probability and a
+random number differ in their last bits only, the decision could be another one.
 """
 
 from __future__ import annotations
