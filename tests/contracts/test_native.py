@@ -103,7 +103,7 @@ def test_contacts_are_counted():
 
 
 def test_the_sensor_counts_what_mujoco_found():
-    model = scene.build(counting=True).compile()
+    model = scene.still_model()
     data = mujoco.MjData(model)
     found = set()
     for x in np.linspace(-4.0, 4.0, 60):
@@ -136,7 +136,7 @@ def test_a_simulation_that_breaks_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where one stands
     lanes = Lanes(4, task.TaskSettings())
     ahead = serve.draw(lanes, drawn(4, 1), np.random.default_rng(0), senses.SenseSettings())
-    ahead.beginning.rows.state[2] = np.nan
+    ahead.setups.start[2] = np.nan
     engines = native.Engines(4, 2)
     with pytest.raises(RuntimeError, match="unstable"):
         engines.run(ahead, as_network(SETTINGS, policy()), task.TaskSettings())

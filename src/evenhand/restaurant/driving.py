@@ -271,12 +271,13 @@ def serve(
 
     Args:
         i: which, of n.
-        engine: addresses of a model and a data of MuJoCo, what of the data a state is, and their
-            sizes of geoms, pose of the robot, command, place of the person by the sensor, timer,
-            and how many contacts there are; all written.
-        lanes: states that services begin with [n, nstate], radii of the guests [n, 12], the geoms
-            of these [12], truth and perceived [n], noise of readings [n, K], pose [n, 3], command
-            [n, 3], place of the person by the sensor [n, 2] and timer [n]; from truth on written.
+        engine: addresses of a model and a data of MuJoCo, the state of one that is fresh and what
+            of the data that is, the geoms of the guests [12]; then places and sizes of geoms, pose
+            of the robot, command, place of the person by the sensor, timer, and how many contacts
+            there are, all of them written.
+        lanes: places [n, 12, 2] and radii [n, 12] of the guests, noise of readings [n, K]; truth
+            and perceived [n], pose at the beginning [n, 3], command [n, 3], place of the person by
+            the sensor [n, 2] and timer [n], all of them written.
         network: see ``forward``.
         wide: see ``forward``.
         kept: uniform [n, L], and written observation [n, L, O], action [n, L], mask [n, L], and
@@ -284,12 +285,14 @@ def serve(
         numbers: physics steps between decisions and between commands, and of a service; seconds of
             a step; top speed and brake of ``steer``; units and limit of ``observe``.
     """
-    model, data, spec, sizes, qpos, ctrl, place, timer, contacts = engine
-    state, radius, geoms, truth, perceived, noise, pose, command, sensed, clock = lanes
+    model, data, fresh, spec, geoms, places, sizes, qpos, ctrl, place, timer, contacts = engine
+    guests, radius, noise, truth, perceived, pose, command, sensed, clock = lanes
     uniform, observation, action, mask, seen = kept
     interval, steered, most, timestep, top_speed, brake, units, limit = numbers
-    _set_state(model, data, state[i].ctypes.data, spec)
+    _set_state(model, data, fresh.ctypes.data, spec)
+    qpos[:] = pose[i]
     for guest, geom in enumerate(geoms):
+        places[geom, 0], places[geom, 1] = guests[i, guest, 0], guests[i, guest, 1]
         sizes[geom, 0] = radius[i, guest]
     ids = np.full(1, i)
     poses, touched = np.empty((1, steered, 3)), np.empty((1, steered))

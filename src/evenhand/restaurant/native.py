@@ -9,13 +9,11 @@ random number differ in their last bits only, the decision could be another one.
 
 from __future__ import annotations
 
-import ctypes
 import functools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -24,7 +22,7 @@ import numpy as np
 
 from evenhand.cores import THREADS
 from evenhand.errors import whole
-from evenhand.restaurant import driving, plan, scene, serve, task, world
+from evenhand.restaurant import driving, mujoco_library, plan, scene, serve, task, world
 from evenhand.restaurant.lanes import facts_of
 
 _FUNCTIONS = {driving.STEP: "mj_step", driving.SET_STATE: "mj_setState"}
@@ -53,18 +51,12 @@ class Network:
 @functools.cache
 def found() -> bool:
     """Whether MuJoCo's functions could be found, and are known to compiled code."""
-    folder = Path(mujoco.__file__).parent
-    files = [path for path in folder.glob("*mujoco*") if path.suffix in (".dll", ".dylib")]
-    for path in [*folder.glob("libmujoco.so*"), *files]:
-        try:
-            library = ctypes.CDLL(str(path))
-            for name, function in _FUNCTIONS.items():
-                address = ctypes.cast(getattr(library, function), ctypes.c_void_p).value
-                llvm.add_symbol(name, address)
-        except (OSError, AttributeError):
-            continue
-        return True
-    return False
+    for name, function in _FUNCTIONS.items():
+        address = mujoco_library.address(function)
+        if address is None:
+            return False
+        llvm.add_symbol(name, address)
+    return True
 
 
 class Engines:
@@ -85,10 +77,12 @@ class Engines:
             raise RuntimeError("MuJoCo's functions could not be found")
         whole("threads", threads, *THREADS)
         threads = min(threads, n)
-        self._models = [scene.build(counting=True).compile() for _ in range(threads)]
+        self._models = [scene.still_model() for _ in range(threads)]
         self._datas = [mujoco.MjData(model) for model in self._models]
+        self._geoms = world.guest_geoms(self._models[0])
+        self._fresh = np.empty(mujoco.mj_stateSize(self._models[0], _STATE))
+        mujoco.mj_getState(self._models[0], self._datas[0], self._fresh, _STATE)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
-        self._geoms = world.guest_geoms()
 
     def run(
         self,
@@ -110,11 +104,12 @@ class Engines:
             RuntimeError: when a simulation became unstable.
         """
         kept = serve.Kept.empty(*drawn.uniform.shape, recorded=recorded)
-        begun, n = drawn.beginning, len(drawn.setups)
+        begun, setups, n = drawn.beginning, drawn.setups, len(drawn.setups)
         truth, perceived = begun.rows.truth.copy(), begun.perceived.copy()
         lanes = (
-            begun.rows.state, begun.rows.radius, self._geoms, truth, perceived, begun.noise,
-            *(np.zeros((n, size)) for size in (3, 3, 2)), np.zeros(n),
+            setups.position, setups.radius, begun.noise, truth, perceived,
+            np.column_stack((setups.start, setups.heading)),
+            np.zeros((n, 3)), np.zeros((n, 2)), np.zeros(n),
         )  # fmt: skip
         pose = np.empty((0, 0, 3)) if kept.pose is None else kept.pose
         arrays = (drawn.uniform, kept.observation, kept.action, kept.mask, pose)
@@ -127,21 +122,24 @@ class Engines:
         turns = count()
 
         def work(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-            engine, wide = _engine(model, data), np.empty((2, widest), np.float32)
+            engine = _engine(model, data, self._fresh, self._geoms)
+            wide = np.empty((2, widest), np.float32)
             for i in _below(turns, n):
                 driving.serve(i, engine, lanes, policy, wide, arrays, numbers)
 
         first, *others = zip(self._models, self._datas, strict=True)
-        helping = [self._pool.submit(work, *other) for other in others if self._pool is not None]
-        try:
-            work(*first)
-        finally:
-            for one in helping:
-                one.result()
+        with mujoco_library.untimed():
+            pool = self._pool
+            helping = [pool.submit(work, *other) for other in others if pool is not None]
+            try:
+                work(*first)
+            finally:
+                for one in helping:
+                    one.result()
         for data in self._datas:
             if any(warning.number for warning in data.warning):
                 raise RuntimeError("a simulation became unstable")
-        return kept.services(drawn.setups, facts_of(truth, perceived), settings)
+        return kept.services(setups, facts_of(truth, perceived), settings)
 
 
 def _below(turns: Iterator[int], end: int) -> Iterator[int]:
@@ -152,10 +150,11 @@ def _below(turns: Iterator[int], end: int) -> Iterator[int]:
         yield i
 
 
-def _engine(model: Any, data: Any) -> driving.Engine:
+def _engine(model: Any, data: Any, fresh: np.ndarray, geoms: np.ndarray) -> driving.Engine:
     sensors = data.sensordata
     return (
-        model._address, data._address, _STATE, model.geom_size, data.qpos, data.ctrl,
+        model._address, data._address, fresh, _STATE, geoms,
+        model.geom_pos, model.geom_size, data.qpos, data.ctrl,
         sensors[scene.SENSOR_PERSON], sensors[scene.SENSOR_TIMER :],
         sensors[scene.SENSOR_CONTACTS :],
     )  # fmt: skip

@@ -14,7 +14,16 @@ from mujoco.batch import Batch
 
 from evenhand.cores import THREADS
 from evenhand.errors import whole
-from evenhand.restaurant import driving, kernels, layout, needs, plan, route, scene
+from evenhand.restaurant import (
+    driving,
+    kernels,
+    layout,
+    mujoco_library,
+    needs,
+    plan,
+    route,
+    scene,
+)
 
 _PLACED = ("qpos", "mocap_pos", "mocap_quat")
 STEERED = 5
@@ -99,7 +108,7 @@ class World:
         self.sensed, self.clock = sensor[:, :2], sensor[:, scene.SENSOR_TIMER]
         self._state = self._batch.state
         self._sizes = self._batch.expand("geom_size")
-        self._guest_geoms = guest_geoms()
+        self._guest_geoms = guest_geoms(scene.model())
         self._all = np.arange(n)
         self.truth = np.zeros(n, TRUTH)
 
@@ -178,9 +187,10 @@ class World:
                 moving, self._qpos, self.truth, self._ctrl, plan.TOP_SPEED, plan.MAX_ACCELERATION
             )
             # recorded after every physics step, so that no moment of coming close is missed
-            seen = self._batch.rollout(
-                min(STEERED, steps - first), record=("qpos", "ncon"), ids=ids
-            )
+            with mujoco_library.untimed():
+                seen = self._batch.rollout(
+                    min(STEERED, steps - first), record=("qpos", "ncon"), ids=ids
+                )
             driving.track(moving, seen["qpos"], seen["ncon"], self.truth)
 
     def snapshot(self, sim: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -188,10 +198,9 @@ class World:
         return self._batch.get_model(sim), self._batch.get_data(sim)
 
 
-def guest_geoms() -> np.ndarray:
+def guest_geoms(model: mujoco.MjModel) -> np.ndarray:
     """Numbers of the guests' footprints among the geoms, int [12]."""
-    names = [f"{scene.guest_name(i)}_footprint" for i in range(plan.N_GUESTS)]
-    return np.array([scene.model().geom(name).id for name in names])
+    return np.array([model.geom(scene.footprint_name(i)).id for i in range(plan.N_GUESTS)])
 
 
 def _at_height(points: np.ndarray) -> np.ndarray:
