@@ -50,8 +50,8 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         epochs: of 30 services, in a turn.
 
     Returns:
-        ``sb3_physics_s``: seconds that bare ``mj_step`` takes for 1,000 such services, which no
-        learner can do without; ``sb3_ratio``: wall time of Stable-Baselines3 over Gymnasium's
+        ``sb3_physics_s``: seconds that a bare loop of ``mj_step`` (``bench.bare``) takes for 1,000
+        such services; ``sb3_ratio``: wall time of Stable-Baselines3 over Gymnasium's
         ``SyncVectorEnv`` to Evenhand's; ``sb3_ratio_dummy``: over its own ``DummyVecEnv``, to
         Evenhand's; ``sb3_ratio_adapter``: over the adapter, to Evenhand's;
         ``sb3_ratio_callback``: over the adapter with guidance and self-reflection, to the same

@@ -38,7 +38,8 @@ class TestFacts:
             observation, _ = env.reset(seed=100 + service)
             world = env._lanes.world
 
-            person = world.snapshot(0)[1].mocap_pos[0, :2].copy()
+            setups, row = env._source.current(0)
+            person = setups.position[row, 0]
             places = [world.state[0, :2].copy()]
             ended, step, reward, info = False, 0, 0.0, {}
             while not ended:

@@ -9,8 +9,8 @@ from scipy import stats
 
 from evenhand import people
 from evenhand.restaurant import layout, plan, scene
-from evenhand.restaurant.world import World
-from support.setups import bumping, drawn
+from evenhand.restaurant.world import World, simulation_of
+from support.setups import bumping, crowded, drawn
 
 LEAN = scene.model()
 KINDS = {
@@ -66,7 +66,8 @@ class TestPlainLoop:
         setups = bumping(7, seed=3)
         world = World(4, threads)
         assert world._batch.nthread == threads
-        fields = {name: world._batch.bind(name) for name in ("qpos", "qvel", "sensordata", "ncon")}
+        fields = {name: world._batch.bind(name) for name in ("qpos", "qvel", "ncon")}
+        fields["sensordata"] = world._batch.bind("sensordata")[:, : LEAN.nsensordata]
         rows = world.prepare(setups)
 
         def place(ids: list[int], services: list[int]) -> None:
@@ -97,6 +98,23 @@ class TestPlainLoop:
         place([2], [5])
         drive(None, 300)
 
+    def test_pushes_by_several_at_once(self):
+        # the order of contacts counts, too
+        setups = crowded(300, seed=4)
+        world = World(len(setups))
+        world.place(np.arange(len(setups)), world.prepare(setups), np.arange(len(setups)))
+        plain = [Plain(setups, row) for row in range(len(setups))]
+        at_once = set()
+        for _ in range(40):
+            world.walk(None, 5)
+            for row, one in enumerate(plain):
+                one.step(world.command[row], 5)
+                at_once.add(one.data.ncon)
+        for row, one in enumerate(plain):
+            np.testing.assert_array_equal(world.state[row], one.data.qpos)
+            assert world.truth["contact_steps"][row] == one.touched
+        assert {0, 1, 2} <= at_once
+
     def test_what_a_simulation_did_before_leaves_no_trace(self):
         setups = bumping(2, seed=5)
         fresh, used = World(1), World(1)
@@ -110,17 +128,15 @@ class TestPlainLoop:
         np.testing.assert_array_equal(used._batch.bind("qvel"), fresh._batch.bind("qvel"))
         np.testing.assert_array_equal(used.truth, fresh.truth)
 
-    def test_a_snapshot_is_the_simulation(self):
+    def test_a_simulation_of_its_own_is_the_plain_one(self):
         setups = drawn(3, seed=6)
-        world = World(3)
-        world.place(np.arange(3), world.prepare(setups), np.arange(3))
-        world.walk(None, 60)
         plain = Plain(setups, 1)
-        plain.step(np.zeros(3), 0)
-        model, data = world.snapshot(1)
-        np.testing.assert_array_equal(data.qpos, world.state[1])
-        np.testing.assert_array_equal(data.mocap_pos, plain.data.mocap_pos)
+        model, data = simulation_of(setups, 1)
+        for field in ("qpos", "qvel", "mocap_pos"):
+            np.testing.assert_array_equal(getattr(data, field), getattr(plain.data, field), field)
+        np.testing.assert_allclose(data.mocap_quat, plain.data.mocap_quat, rtol=0, atol=1e-15)
         np.testing.assert_array_equal(model.geom_size, plain.model.geom_size)
+        assert not np.array_equal(LEAN.geom_size, model.geom_size)  # the shared one is as it was
 
 
 DRIVEN = 200
@@ -221,6 +237,23 @@ class TestScene:
         # 4 walls, 8 tables, 16 chairs, the robot, 12 guests
         assert LEAN.ngeom == 4 + 8 + 16 + 1 + 12
         assert LEAN.opt.timestep == 0.02
+
+    def test_the_still_model_has_the_same_footprints(self):
+        still = scene.still_model()
+        assert names(still, "body") == ["world", "robot"]
+        for kind in ("joint", "actuator", "site"):
+            assert names(still, kind) == names(LEAN, kind)
+        assert names(still, "sensor") == [*names(LEAN, "sensor"), "contacts"]
+        assert {*names(still, "geom")} == {*names(LEAN, "geom")}
+        ours, theirs = (mujoco.MjData(model) for model in (still, LEAN))
+        for model, data in ((still, ours), (LEAN, theirs)):
+            mujoco.mj_forward(model, data)
+        for name in names(LEAN, "geom"):
+            a, b = still.geom(name), LEAN.geom(name)
+            assert a.type == b.type
+            for field in ("size", "condim", "solref", "solimp", "friction", "margin", "gap"):
+                np.testing.assert_array_equal(getattr(a, field), getattr(b, field), field)
+            np.testing.assert_array_equal(ours.geom(name).xpos, theirs.geom(name).xpos)
 
     def test_the_dressed_model_has_the_same_state(self):
         dressed = scene.model(dressed=True)

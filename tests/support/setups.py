@@ -1,4 +1,4 @@
-"""Set-ups of services, drawn by chance; in some of them the robot is bumped into."""
+"""Set-ups of services, drawn by chance; in some of them guests are where they should not be."""
 
 from dataclasses import replace
 
@@ -17,4 +17,15 @@ def bumping(n: int, seed: int) -> layout.Setups:
     setups = drawn(n, seed)
     position = setups.position.copy()
     position[0, 5] = setups.start[0] + (setups.radius[0, 5] + plan.ROBOT_RADIUS - 0.03, 0.01)
+    return replace(setups, position=position)
+
+
+def crowded(n: int, seed: int) -> layout.Setups:
+    """Set-ups in which other guests stand in most robots' ways."""
+    setups, rng = drawn(n, seed), np.random.default_rng(seed)
+    position = setups.position.copy()
+    for guest in (5, 8):
+        share = rng.uniform(0.1, 0.6, (n, 1))
+        position[:, guest] = setups.start * (1 - share) + position[:, 0] * share
+        position[:, guest] += rng.normal(0, 0.2, (n, 2))
     return replace(setups, position=position)

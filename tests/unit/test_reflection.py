@@ -13,7 +13,7 @@ from evenhand.credit import CreditSettings
 from evenhand.errors import InputError
 from evenhand.learn.batches import Trajectories
 from evenhand.learn.policy import ActorCritic, Network, PolicySettings, make_policy
-from evenhand.learn.reflection import reflect
+from evenhand.learn.reflection import examine
 from evenhand.reflection import (
     Past,
     Reflection,
@@ -71,9 +71,8 @@ class TestByHand:
         after = moved(self.POLICY, linear(weights, biases))
         groups = (("one", "A"), ("one", "B"))
         past = Past(np.reshape(cosines, (-1, 1, 1)) * np.ones((2, 2)), len(cosines))
-        return reflect(
-            self.POLICY, after, self.SERVICES, found, groups, ("w",), (2.0,), past, SETTINGS
-        )[0]
+        looked = examine(self.POLICY, after, self.SERVICES, found, groups, ("w",), (2.0,))
+        return looked.conclude(past, SETTINGS)[0]
 
     def test_a_step_that_ignores_a_more(self):
         # walking of A becomes likelier by ¼ · 0.2 = 0.05: so much does the gap grow
@@ -158,7 +157,8 @@ def vector(network: Network) -> np.ndarray:
 
 
 def run(policy, after, services, influence, past, settings=SETTINGS):
-    return reflect(policy, after, services, influence, GROUPS, ISSUES, (1.0, 1.0), past, settings)
+    looked = examine(policy, after, services, influence, GROUPS, ISSUES, (1.0, 1.0))
+    return looked.conclude(past, settings)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -19,7 +19,7 @@ class Bench:
 
     what: Literal["env", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = "all"
     """What is measured.
-    env: physics steps against a bare mj_step loop over the same model and the same drives, and
+    env: physics steps against a bare mj_step loop over the same room and the same drives, and
     against Gymnasium's SyncVectorEnv over the single environment, with a thread for each processor
     and with one; an epoch of training.
     audit: ten million and one million services from Parquet, and Fairlearn's MetricFrame on the

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -40,7 +41,33 @@ def _examine(
     return flat @ step, jnp.sqrt(jnp.sum(jnp.square(directions), axis=1)), jnp.linalg.norm(step)
 
 
-def reflect(
+@dataclass(frozen=True, eq=False)
+class Examination:
+    """One update along the bias gradient, perhaps still being computed while Python goes on.
+
+    Attributes:
+        directions: in which bias rises.
+        products: what ``_examine`` returns.
+    """
+
+    directions: Directions
+    products: tuple[jax.Array, jax.Array, jax.Array]
+
+    def conclude(self, past: Past, settings: ReflectionSettings) -> tuple[Reflection, Past]:
+        """Wait for the products, and say what was found.
+
+        Args:
+            past: of the earlier updates.
+            settings: when an update is abnormal.
+
+        Returns:
+            What was found, and the past of the next update.
+        """
+        along, lengths, step = (np.asarray(x, float) for x in self.products)
+        return conclude(self.directions, along, lengths, float(step), past, settings)
+
+
+def examine(
     before: ActorCritic,
     after: ActorCritic,
     trajectories: Trajectories,
@@ -48,9 +75,7 @@ def reflect(
     groups: Sequence[tuple[str, str]],
     issues: Sequence[str],
     tau: Sequence[float],
-    past: Past,
-    settings: ReflectionSettings,
-) -> tuple[Reflection, Past]:
+) -> Examination:
     """Examine one update along the bias gradient.
 
     Args:
@@ -61,11 +86,6 @@ def reflect(
         groups: (identity, category) of each group.
         issues: names of the issues.
         tau: weight of each issue.
-        past: of the earlier updates.
-        settings: when an update is abnormal.
-
-    Returns:
-        What was found, and the past of the next update.
 
     Raises:
         ValueError: the influence is of another number of services.
@@ -74,6 +94,6 @@ def reflect(
     if len(influence.total) != n:
         raise ValueError(f"influence of {len(influence.total)} services, but {n} were given")
     directions = Directions.of(influence, groups, issues, tau)
-    found = _examine(before.actor, after.actor, trajectories, directions.flat)
-    along, lengths, step = (np.asarray(x, float) for x in found)
-    return conclude(directions, along, lengths, float(step), past, settings)
+    return Examination(
+        directions, _examine(before.actor, after.actor, trajectories, directions.flat)
+    )

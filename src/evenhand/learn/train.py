@@ -25,7 +25,6 @@ from evenhand.learn.policy import Actor, ActorCritic, state_values
 from evenhand.learn.settings import TrainSettings
 from evenhand.learn.update import Anchor, LearnerState, Trajectories, make_learner, update
 from evenhand.learn.view import as_network, view
-from evenhand.reflection import Reflection
 from evenhand.restaurant import layout, native, plan, serve, task
 from evenhand.restaurant.lanes import Lanes
 from evenhand.restaurant.recording import Recording, renumbered
@@ -159,6 +158,9 @@ def train(
             taught.fair,
             near,
         )
+        examined = None
+        if settings.reflect:
+            examined = _examined(settings, before, state.policy, trajectories, epoch)
         drawn = rng.bit_generator.state
         if number + 1 < settings.epochs:
             served, following = _drawn(settings, lanes, rng)
@@ -181,8 +183,9 @@ def train(
         }
         numbers |= {f"update_{name}": float(x) for name, x in vars(report).items()}
         updated_at = perf_counter()
-        if settings.reflect:
-            found, past = _reflect(settings, before, state.policy, trajectories, epoch, past)
+        if examined is not None:
+            found, remembered = examined.conclude(past.reflection, settings.reflection)
+            past = replace(past, reflection=remembered)
             numbers |= found.numbers()
         numbers |= {
             "time_serving": served_at - began,
@@ -223,29 +226,17 @@ def check_detector(detector: Detector) -> None:
         )
 
 
-def _reflect(
+def _examined(
     settings: TrainSettings,
     before: ActorCritic,
     after: ActorCritic,
     trajectories: Trajectories,
     epoch: Epoch,
-    past: Past,
-) -> tuple[Reflection, Past]:
+) -> reflection.Examination:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""
-    tau = settings.guidance.tau
-    exact = credit.CreditSettings(shrink=0.0)
-    found, remembered = reflection.reflect(
-        before,
-        after,
-        trajectories,
-        credit.influence(epoch.x, epoch.inside, tau, settings=exact),
-        epoch.scores.groups,
-        epoch.scores.issues,
-        tau,
-        past.reflection,
-        settings.reflection,
-    )
-    return found, replace(past, reflection=remembered)
+    tau, exact = settings.guidance.tau, credit.CreditSettings(shrink=0.0)
+    influence = credit.influence(epoch.x, epoch.inside, tau, settings=exact)
+    return reflection.examine(before, after, trajectories, influence, people.GROUPS, ISSUES, tau)
 
 
 def _numbers(

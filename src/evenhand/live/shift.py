@@ -15,6 +15,7 @@ import numpy as np
 from evenhand import issues, people, robots, scenarios
 from evenhand.restaurant import driving, layout, needs, plan, senses, serve, task
 from evenhand.restaurant.lanes import Beginning, Facts, Lanes
+from evenhand.restaurant.world import simulation_of
 
 BATCH = 30
 """Services drawn at once, as many as ``evenhand evaluate --services 30`` draws."""
@@ -216,7 +217,7 @@ class Shift:
 
     def _begin(self) -> None:
         self._lanes.begin(_ONE, self.now.beginning, np.array([self.now.row]))
-        self._model, self.data = self._lanes.world.snapshot(0)
+        self._model, self.data = simulation_of(self.now.setups, self.now.row)
         self.outcome: Outcome | None = None
         self._decide()
 

@@ -165,29 +165,33 @@ def finish(
 def place(
     ids: np.ndarray,
     at: np.ndarray,
-    rows: tuple[np.ndarray, Records, np.ndarray],
+    rows: tuple[np.ndarray, Records, np.ndarray, np.ndarray],
     state: np.ndarray,
     truth: Records,
-    sizes: np.ndarray,
-    geoms: np.ndarray,
+    geoms: tuple[np.ndarray, np.ndarray],
+    guests: np.ndarray,
 ) -> None:
     """Copy what begins services into simulations.
 
     Args:
         ids: simulations, int [k].
         at: which of the rows, int [k].
-        rows: state [N, nstate], ``world.TRUTH`` [N] and radii of the guests [N, 12].
+        rows: state [N, nstate], ``world.TRUTH`` [N], places [N, 12, 2] and radii [N, 12] of the
+            guests.
         state: of the simulations, written, [n, nstate].
         truth: written, [n].
-        sizes: of all geoms, written, [n, ngeom, 3].
-        geoms: footprints of the guests, [12].
+        geoms: places and sizes of all geoms, written, [n, ngeom, 3] each.
+        guests: which geoms their footprints are, [12].
     """
+    places, sizes = geoms
     for row, i in enumerate(ids):
         j = at[row]
         state[i] = rows[0][j]
         truth[i] = rows[1][j]
-        for guest, geom in enumerate(geoms):
-            sizes[i, geom, 0] = rows[2][j, guest]
+        for guest, geom in enumerate(guests):
+            places[i, geom, 0] = rows[2][j, guest, 0]
+            places[i, geom, 1] = rows[2][j, guest, 1]
+            sizes[i, geom, 0] = rows[3][j, guest]
 
 
 @compiled

@@ -9,6 +9,7 @@ random number differ in their last bits only, the decision could be another one.
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -77,7 +78,7 @@ class Engines:
             raise RuntimeError("MuJoCo's functions could not be found")
         whole("threads", threads, *THREADS)
         threads = min(threads, n)
-        self._models = [scene.still_model() for _ in range(threads)]
+        self._models = [copy.copy(scene.still_model()) for _ in range(threads)]
         self._datas = [mujoco.MjData(model) for model in self._models]
         self._geoms = world.guest_geoms(self._models[0])
         self._fresh = np.empty(mujoco.mj_stateSize(self._models[0], _STATE))

@@ -6,6 +6,7 @@ same to the last bit on any number of threads.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -25,7 +26,6 @@ from evenhand.restaurant import (
     scene,
 )
 
-_PLACED = ("qpos", "mocap_pos", "mocap_quat")
 STEERED = 5
 """Physics steps between two commands of the drive, whatever the interval of decisions."""
 TRUTH = np.dtype(
@@ -66,12 +66,14 @@ class Rows:
     """What begins N services in N simulations; first axis N.
 
     Attributes:
-        state: integration state of MuJoCo, [N, nstate].
+        state: of a simulation in the batch, [N, nstate].
+        place: of the guests, metres, [N, 12, 2].
         radius: of the guests, metres, [N, 12].
         truth: ``TRUTH``, [N].
     """
 
     state: np.ndarray
+    place: np.ndarray
     radius: np.ndarray
     truth: np.ndarray
 
@@ -98,25 +100,21 @@ class World:
         """
         whole("threads", threads, *THREADS)
         self.n = n
-        self._batch = Batch(scene.model(), n, min(threads, n))
+        model = scene.still_model()
+        self._batch = Batch(model, n, min(threads, n))
         self._batch.reset()
         self._fresh = self._batch.state[:1].copy()
-        self._component = {name: self._columns(name) for name in _PLACED}
         self._qpos = self._batch.bind("qpos")
         self._ctrl = self._batch.bind("ctrl")
         sensor = self._batch.bind("sensordata")
         self.sensed, self.clock = sensor[:, :2], sensor[:, scene.SENSOR_TIMER]
         self._state = self._batch.state
-        self._sizes = self._batch.expand("geom_size")
-        self._guest_geoms = guest_geoms(scene.model())
+        first = (self._qpos.ctypes.data - self._state.ctypes.data) // self._qpos.itemsize
+        self._pose = slice(first, first + model.nq)
+        self._geoms = self._batch.expand("geom_pos"), self._batch.expand("geom_size")
+        self._guest_geoms = guest_geoms(model)
         self._all = np.arange(n)
         self.truth = np.zeros(n, TRUTH)
-
-    def _columns(self, name: str) -> tuple[int, int]:
-        """First column and number of columns of a field in the state rows."""
-        view = self._batch.bind(name)
-        first = (view.ctypes.data - self._batch.state.ctypes.data) // view.itemsize
-        return first, view[0].size
 
     @property
     def state(self) -> np.ndarray:
@@ -137,13 +135,7 @@ class World:
         """
         n = len(setups)
         state = np.repeat(self._fresh, n, axis=0)
-        for name, values in (
-            ("qpos", np.concatenate([setups.start, setups.heading[:, None]], axis=1)),
-            ("mocap_pos", _at_height(setups.position)),
-            ("mocap_quat", _yaw_quaternion(setups.facing)),
-        ):
-            first, size = self._component[name]
-            state[:, first : first + size] = values.reshape(n, -1)
+        state[:, self._pose] = np.column_stack((setups.start, setups.heading))
         truth = np.zeros(n, TRUTH)
         truth["way"], truth["front"], truth["last"] = setups.way, setups.front, setups.last
         truth["stop"] = setups.radius[:, 0] + plan.ROBOT_RADIUS + plan.STAND_OFF
@@ -153,7 +145,7 @@ class World:
         if wanted is not None:
             truth["room"], truth["reach"] = wanted.room, wanted.reach
             truth["signal"] = wanted.signal
-        return Rows(state, setups.radius, truth)
+        return Rows(state, setups.position, setups.radius, truth)
 
     def place(self, ids: np.ndarray, rows: Rows, at: np.ndarray) -> None:
         """Begin new services.
@@ -163,14 +155,14 @@ class World:
             rows: from ``prepare``.
             at: which of the rows, int [k].
         """
-        # a state row is all that a simulation is, so writing one is a reset
+        # a state row and where guests are is all that a simulation is, so writing them is a reset
         kernels.place(
             ids,
             at,
-            (rows.state, rows.truth, rows.radius),
+            (rows.state, rows.truth, rows.place, rows.radius),
             self._state,
             self.truth,
-            self._sizes,
+            self._geoms,
             self._guest_geoms,
         )
 
@@ -193,9 +185,20 @@ class World:
                 )
             driving.track(moving, seen["qpos"], seen["ncon"], self.truth)
 
-    def snapshot(self, sim: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data of one simulation, for rendering or for checking."""
-        return self._batch.get_model(sim), self._batch.get_data(sim)
+
+def simulation_of(setups: layout.Setups, row: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """One service before it begins in a simulation of its own, for rendering or for checking.
+
+    Its model is ``scene.model()`` with the radii of these guests. Stepped with the same commands it
+    goes as in ``World``, to the last bit.
+    """
+    model = copy.copy(scene.model())
+    model.geom_size[guest_geoms(model), 0] = setups.radius[row]
+    data = mujoco.MjData(model)
+    data.qpos[:] = (*setups.start[row], setups.heading[row])
+    data.mocap_pos[:] = _at_height(setups.position[row])
+    data.mocap_quat[:] = _yaw_quaternion(setups.facing[row])
+    return model, data
 
 
 def guest_geoms(model: mujoco.MjModel) -> np.ndarray:
