@@ -19,12 +19,11 @@ from evenhand.experiments.sweep_settings import Job, Sweep, Variant
 
 RUNS = 16
 WORKERS = 2
-VARIANT = Variant(services=1000)
-"""Training as it is by default, and a shorter test."""
+USUAL = Variant()
 
 
-def measure(runs: int = RUNS, variant: Variant = VARIANT) -> dict[str, Any]:
-    """A sweep in a folder that is removed again; five minutes.
+def measure(runs: int = RUNS, variant: Variant = USUAL) -> dict[str, Any]:
+    """A sweep in a folder that is removed again; a minute or two.
 
     Args:
         runs: seeds of training on service alone by PPO.

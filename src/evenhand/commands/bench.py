@@ -27,7 +27,7 @@ class Bench:
     film: clips, and what recording them costs.
     adapters: what wrapping an environment costs.
     study: the analysis of a study of 10,000 participants.
-    sweep: what a sweep of 16 runs costs beside its runs; some ten minutes.
+    sweep: what a sweep of 16 runs costs beside its runs; minutes.
     sb3: training beside Stable-Baselines3 (extra sb3).
     all: the first five; sweep and sb3 are measured by their names alone."""
 

@@ -14,7 +14,6 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from scipy.optimize import differential_evolution, minimize
 
 from evenhand import issues, people, robots
 from evenhand.errors import unknown
@@ -226,6 +225,9 @@ def search(
         rounds: searches, each from another start.
         tell: told of each round.
     """
+    # here, for it takes a tenth of a second that other readers of SIGNATURES need not wait
+    from scipy.optimize import differential_evolution, minimize
+
     bias, target = robots.BIASES[name], np.array(SIGNATURES[name])
     rng = np.random.default_rng([seed, _SEED])
 

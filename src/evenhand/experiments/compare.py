@@ -30,8 +30,7 @@ from evenhand.experiments.compare_settings import (
     method_of,
     place,
 )
-from evenhand.experiments.pool import Task, Tell, run_all
-from evenhand.experiments.reproduce import Stage
+from evenhand.experiments.pool import Stage, Task, Tell, run_all
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.experiments.tables import write
 from evenhand.guidance import SERVICE_KINDS

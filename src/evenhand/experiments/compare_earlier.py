@@ -15,7 +15,7 @@ from evenhand.experiments import origin
 from evenhand.experiments.compare_settings import Cell, checked
 from evenhand.experiments.compare_tables import METRICS, RESULTS
 from evenhand.learn import run
-from evenhand.report.compare_data import computed
+from evenhand.report.computing import computed
 
 NOTED = ("version", "created", "command", "commit", "versions", "runs", "run_seconds", "earlier")
 """What the manifest of a comparison says of an earlier one that it took runs from."""

@@ -24,6 +24,8 @@ from evenhand.errors import InputError, WorkerLostError
 
 Tell = Callable[[int, dict[str, Any]], None]
 """(units done, numbers to show): how a task reports while it runs."""
+Stage = Callable[[str, int], Tell]
+"""Called with a stage's name and its units (services); returns where to tell progress."""
 RETRIES = 2
 """How often ``run_each`` tries a task again whose process died."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 from evenhand import detector_io, files, report
 from evenhand.experiments import claims, demos, measure, origin, replays, study_tables, tables
-from evenhand.experiments.pool import Task, Tell, run_all
+from evenhand.experiments.pool import Stage, Task, Tell, run_all
 from evenhand.experiments.settings import DEMO_SEED, PRESETS, TEST_SEED, ReproduceSettings
 from evenhand.guidance import SERVICE_KINDS
 from evenhand.learn import checkpoint, run
@@ -41,10 +41,6 @@ def arms_of(preset: str) -> list[str]:
     """Names of the arms of a preset, in order."""
     added = SERVICE_KINDS if preset == "paper" else ()
     return [arm for arm, (_, kind) in ARMS.items() if kind not in added]
-
-
-Stage = Callable[[str, int], Tell]
-"""Called with a stage's name and its units (services); returns where to tell progress."""
 
 
 def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:

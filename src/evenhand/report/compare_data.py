@@ -182,14 +182,3 @@ def read(folder: Path) -> Comparison:
         if method_of(arm) not in METHODS:
             raise unknown(f"arm in {folder / 'summary.csv'}", arm, METHODS)
     return Comparison(**tables, manifest=manifest)
-
-
-def computed(noted: Mapping[str, Any]) -> float | None:
-    """Seconds of computing of a comparison and of those that it took runs from, if noted."""
-    found, one = [], noted
-    while isinstance(one, Mapping):
-        found.append(one.get("run_seconds"))
-        one = one.get("earlier")
-    if not all(isinstance(seconds, (int, float)) for seconds in found):
-        return None
-    return float(sum(found))

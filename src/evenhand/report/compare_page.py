@@ -20,7 +20,8 @@ from evenhand.report import (
     figures_fronts,
     html,
 )
-from evenhand.report.compare_data import Comparison, computed
+from evenhand.report.compare_data import Comparison
+from evenhand.report.computing import computed
 from evenhand.report.figures import Drawn, write
 
 _AIMS = ("corrected_total", "perfect_rate")
