@@ -42,11 +42,11 @@ _running = _Running()
 
 @contextmanager
 def untimed() -> Iterator[None]:
-    """Simulate without looking at the clock, which takes about a fifth of a physics step.
+    """Simulate without looking at the clock.
 
-    The Python package gives MuJoCo a clock (``mjcb_time``), which is asked several times a step to
-    fill ``MjData.timer``. There is none while this lasts, in all threads. Somebody's own clock, set
-    by ``mujoco.set_mjcb_time``, stays.
+    The Python package gives MuJoCo one (``mjcb_time``), which is asked several times in every step
+    to fill ``MjData.timer``, and takes a good part of a small model's step. There is none while
+    this lasts, in all threads. Somebody's own clock, set by ``mujoco.set_mjcb_time``, stays.
     """
     where = address(_CLOCK)
     if where is None or mujoco.get_mjcb_time() is not None:

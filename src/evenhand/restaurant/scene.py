@@ -1,11 +1,10 @@
-"""The restaurant as a MuJoCo model, built with MjSpec and compiled once.
+"""The restaurant as MuJoCo models, built with MjSpec and compiled once.
 
-Two models share bodies, joints, actuators and sensors. The lean one has footprints only: spheres
-whose centres lie at one height, so that contact is exactly contact of discs in the plane. The
-dressed one adds what eyes need. A state of one is a state of the other.
-
-A third one is for speed: guests are part of the room there. Robot, footprints and sensors are those
-of the others.
+All have the same footprints: spheres whose centres lie at one height, so that contact is exactly
+contact of discs in the plane. In the *lean* and the *dressed* model guests are bodies, and a state
+of one is a state of the other; the dressed one adds what eyes need. In the *still* model guests are
+part of the room: services are simulated in it, since it is much faster, and the robot moves in it
+as in the lean one, to the last bit.
 """
 
 from __future__ import annotations
@@ -73,9 +72,9 @@ def model(dressed: bool = False) -> mujoco.MjModel:
 def still_model() -> mujoco.MjModel:
     """The scene with guests as part of the room, and a sensor of how many contacts there are.
 
-    With two bodies a step takes some three fifths of the time that it takes with fourteen. A guest
-    is placed by writing the place of its geom; no tree of bounding volumes is used, since it would
-    not follow. Callers that change the model copy it first.
+    It has two bodies where the others have fourteen. A guest is placed by writing the place of its
+    geom; no tree of bounding volumes is used, since it would not follow. Callers that change the
+    model copy it first.
     """
     spec, _ = _room()
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
