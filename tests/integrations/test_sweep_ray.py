@@ -12,7 +12,7 @@ scenarios = ["tips"]
 arms = ["reference", "service", "levelup"]
 algorithms = ["reinforce"]
 seeds = 2
-epochs = 300
+epochs = 1500
 people = 4
 services = 300
 """
