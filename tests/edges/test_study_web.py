@@ -150,6 +150,7 @@ def test_from_beginning_to_end(browser):
     about = browser("GET", "/api/study").json()
     assert about["consent"] == {"version": "1", "text": STUDY.consent}
     assert about["pages_total"] == 8
+    assert (about["preview"], about["shared_computer"]) == (False, False)
     begun = browser.begin()
     assert begun.status_code == 201
     assert begun.json()["state"]["next"] == "about"

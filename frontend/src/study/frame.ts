@@ -22,6 +22,7 @@ export function frame(walk: Walk): { update(): void } {
   byId("forgetful").hidden = walk.memory.lasting;
   byId("hurry").addEventListener("click", () => walk.hurry());
   rights(walk);
+  nextPerson(walk);
   const notice = byId("notice");
   let noticed = ""; // where it was said: it stays for as long as that page
   walk.noticed = (sentence) => {
@@ -49,6 +50,7 @@ export function frame(walk: Walk): { update(): void } {
       const here = Math.min(behind + 1, all);
       byId("progress-words").textContent =
         view.kind === "saving" ? "All pages answered" : `Page ${here} of ${all}`;
+      byId("next").hidden = !study.shared_computer || !walk.begun || over;
       byId("rights").hidden = !walk.begun || (view.kind === "stop" && view.code === "elsewhere");
     },
   };
@@ -106,6 +108,21 @@ function rights(walk: Walk): void {
     } catch (error) {
       told.textContent = `Your answers cannot be downloaded just now. ${why(error)}`;
     }
+  });
+}
+
+/** In a browser where people take part one after another: whoever leaves half-way is forgotten. */
+function nextPerson(walk: Walk): void {
+  const dialog = byId<HTMLDialogElement>("leaving");
+  const problem = byId("leaving-problem");
+  byId("next-person").addEventListener("click", () => {
+    problem.textContent = "";
+    dialog.showModal();
+  });
+  byId("leaving-not").addEventListener("click", () => dialog.close());
+  byId("leaving-yes").addEventListener("click", () => {
+    if (walk.allSaved) walk.leave();
+    else problem.textContent = "Not everything is saved yet: please wait a moment, and try again.";
   });
 }
 

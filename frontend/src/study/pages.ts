@@ -4,9 +4,9 @@ import { Clips } from "./clips";
 import { button, el, inItsLanguage, paragraphs } from "./dom";
 import { Fields, type Lack } from "./fields";
 import type { Draft } from "./memory";
-import type { Page, Simulated, Study, View } from "./types";
+import type { Page, Simulated, View } from "./types";
 import type { Walk } from "./walk";
-import { heading, introduction, stop } from "./words";
+import { heading, introduction, NEXT, stop } from "./words";
 
 /** Clips of simulated participants: the fastest that browsers play. */
 const HURRY = 16;
@@ -31,7 +31,7 @@ export function show(view: View, walk: Walk): Shown {
     case "saving":
       return saving();
     case "finished":
-      return finished(view, walk.study);
+      return finished(view, walk);
     case "stop":
       return stopped(view, walk);
   }
@@ -39,6 +39,7 @@ export function show(view: View, walk: Walk): Shown {
 
 function consent(walk: Walk): Shown {
   const { study } = walk;
+  const not = study.shared_computer ? "leave this page as it is" : "close this page";
   const agree = button("I agree: begin", () => {
     if (agree.getAttribute("aria-disabled")) return;
     agree.setAttribute("aria-disabled", "true");
@@ -50,7 +51,7 @@ function consent(walk: Walk): Shown {
     nodes: [
       el("p", { class: "lead" }, `This takes about ${study.minutes} minutes. You can stop at any time.`),
       paragraphs(study.consent.text),
-      el("p", { class: "hint" }, "If you do not agree, close this page. Nothing is sent to the study then."),
+      el("p", { class: "hint" }, `If you do not agree, ${not}. Nothing is sent to the study then.`),
       el("div", { class: "row" }, agree),
     ],
     simulate: async () => agree.click(),
@@ -187,7 +188,8 @@ function saving(): Shown {
   };
 }
 
-function finished(view: Extract<View, { kind: "finished" }>, study: Study): Shown {
+function finished(view: Extract<View, { kind: "finished" }>, walk: Walk): Shown {
+  const { study } = walk;
   const { code, redirect } = view.ending;
   const nodes: Node[] = [
     el("p", { class: "lead" }, "\u2713 You have finished, and everything is saved."),
@@ -220,7 +222,12 @@ function finished(view: Extract<View, { kind: "finished" }>, study: Study): Show
       leave();
     }
   }
-  nodes.push(el("p", { class: "hint" }, back ? "" : "You can close this page."));
+  if (study.shared_computer) {
+    nodes.push(
+      el("p", { class: "hint" }, "If you want to download or delete your answers, do it before the next person begins."),
+      el("div", { class: "row" }, button(NEXT, () => walk.leave(), "main")),
+    );
+  } else nodes.push(el("p", { class: "hint" }, back ? "" : "You can close this page."));
   if (window.evenhandSimulated) document.documentElement.dataset.simulated = "finished";
   return { title: "Thank you", nodes, gone: () => clearTimeout(timer) };
 }

@@ -9,6 +9,8 @@ export interface Study {
   consent: { version: string; text: string };
   pages_total: number;
   preview: boolean;
+  /** Whether people take part one after another in this browser. */
+  shared_computer: boolean;
 }
 
 export interface Option {

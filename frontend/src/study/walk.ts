@@ -158,6 +158,12 @@ export class Walk {
     this.stop("withdrawn", "");
   }
 
+  /** Forgets this participant, so that the next one can begin. */
+  leave(): void {
+    this.memory.forget();
+    location.reload();
+  }
+
   stop(code: string, sentence: string): void {
     this.stopped = { code, sentence };
     this.moved();

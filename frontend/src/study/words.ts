@@ -3,6 +3,8 @@
 import type { Page, Study } from "./types";
 import type { Walk } from "./walk";
 
+export const NEXT = "The next person begins";
+
 export function heading(page: Page, walk: Walk): string {
   const [number, all] = walk.ordinal(page);
   switch (page.kind) {
@@ -61,8 +63,11 @@ export function stop(code: string, sentence: string, study: Study): Stop {
     case "withdrawn":
       return {
         title: "Your answers are deleted",
-        text: ["You have withdrawn, and nothing that you answered is stored any more. You can close this page."],
-        again: "",
+        text: [
+          "You have withdrawn, and nothing that you answered is stored any more.",
+          study.shared_computer ? "" : "You can close this page.",
+        ],
+        again: study.shared_computer ? NEXT : "",
         anew: false,
       };
     case "closed":

@@ -43,7 +43,10 @@ LONGEST = {"id": 40, "label": 200, "ask": 1000, "long": 20_000, "answer": 2000}
 """Most characters of names, of labels, of questions, of consent and thanks, of a free answer."""
 
 _BRACES = re.compile(r"\{[^{}]*\}")
-_UNSEEN = ("thanks", "contact", "completion_code", "redirect", "minutes", "clips", "title")
+_UNSEEN = (
+    "thanks", "contact", "completion_code", "redirect", "shared_computer", "minutes", "clips",
+    "title",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -156,6 +159,8 @@ class Protocol:
         thanks: the last words.
         completion_code: shown at the end, or put into ``redirect``.
         redirect: address to return to; {code} becomes the completion code.
+        shared_computer: people take part one after another in one browser, which forgets each of
+            them when the next one begins.
         order: one of ``ORDERS``.
         length: sets that each participant judges; 0 is all.
         clips: folder of the clips.
@@ -177,6 +182,7 @@ class Protocol:
     thanks: str = "Thank you."
     completion_code: str = ""
     redirect: str = ""
+    shared_computer: bool = False
     order: str = "latin"
     length: int = 0
     clips: Path = Path("clips")
@@ -256,6 +262,11 @@ def mistakes(protocol: Protocol) -> Iterator[tuple[Place, str]]:
     odd = [one for one in _BRACES.findall(protocol.redirect) if one != "{code}"]
     if odd:
         yield ("study", "redirect"), f"it holds {odd[0]}, which nothing is put for: write {{code}}"
+    if protocol.redirect and protocol.shared_computer:
+        yield (
+            ("study", "shared_computer"),
+            "nobody else could begin where everybody is sent on to redirect: leave one of them out",
+        )
 
 
 def _ids(protocol: Protocol) -> Iterator[tuple[Place, str]]:

@@ -171,6 +171,7 @@ def _study(file: Table, folder: Path) -> Protocol:
         "redirect": study.text(
             "redirect", 1000, "", _HTTPS, "an address that begins with https://"
         ),
+        "shared_computer": study.flag("shared_computer", False),
         "order": study.one_of("order", protocol.ORDERS, "latin"),
         "length": study.whole("length", 0, 1000, 0),
         "clips": folder / study.text("clips", 1000, "clips"),

@@ -144,6 +144,12 @@ MISTAKES = [
         "cc={code}{cod}",
         "redirect: it holds {cod}, which nothing is put for: write {code}",
     ),
+    (
+        "length = 1",
+        "shared_computer = true",
+        "nobody else could begin where everybody is sent on to redirect: leave one of them out",
+    ),
+    ("length = 1", "shared_computer = 1", "study.shared_computer: it is 1: give true or false"),
     ('version = "1"', "", "consent: version is missing: add it"),
     ('options = ["young", "old"]', 'options = ["a", "a"]', "demographics 1.options: an option st"),
     (

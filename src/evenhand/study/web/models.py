@@ -88,6 +88,7 @@ class Study(BaseModel):
     consent: Consent
     pages_total: int
     preview: bool
+    shared_computer: bool
 
 
 class StateTold(BaseModel):

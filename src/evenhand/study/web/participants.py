@@ -63,6 +63,7 @@ def router(desk: Desk) -> APIRouter:
             consent=models.Consent(version=study.consent_version, text=study.consent),
             pages_total=len(orders.pages(study, 0)),
             preview=desk.settings.preview,
+            shared_computer=study.shared_computer,
         )
 
     @found.post(
