@@ -28,7 +28,7 @@ def served() -> tuple[layout.Setups, serve.Services]:
 
 def test_issues_and_groups_are_those_of_the_table(served):
     setups, done = served
-    found = epoch.counted(done, setups.asking, DETECTOR)
+    found = epoch.judged_by(done, setups.asking, DETECTOR)
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
     who = issues.membership(table)
     assert who.groups == tuple(people.GROUPS)
@@ -39,7 +39,7 @@ def test_issues_and_groups_are_those_of_the_table(served):
 
 def test_scores_and_verdict_are_those_of_the_table(served):
     setups, done = served
-    found = epoch.counted(done, setups.asking, DETECTOR)
+    found = epoch.judged_by(done, setups.asking, DETECTOR)
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
     wanted = issues.score(table)
     np.testing.assert_array_equal(found.scores.overall, wanted.overall)
@@ -58,7 +58,7 @@ def test_nobody_is_judged_before_it_is_asked_for(served, monkeypatch):
         return judge(self, scores)
 
     monkeypatch.setattr(Detector, "judge_window", noted)
-    found = epoch.counted(done, setups.asking, DETECTOR)
+    found = epoch.judged_by(done, setups.asking, DETECTOR)
     assert found.scores.total >= 0
     assert not asked
     assert [found.biased, found.biased] == [bool(found.verdict.biased)] * 2

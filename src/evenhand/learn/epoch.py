@@ -1,4 +1,4 @@
-"""An epoch after its last service: counted at once, scored and judged when somebody asks."""
+"""An epoch after its last service: counted, scored and judged when somebody asks."""
 
 from __future__ import annotations
 
@@ -23,18 +23,27 @@ class Epoch:
     Attributes:
         done: the services; observations as the policy saw them.
         codes: identities of the people served, int64 [n, 5].
-        x: issues, [n, 4], NaN where one does not apply.
-        inside: membership, [n, 22].
-        counts: of these services.
         judge: what a detector says of their scores.
     """
 
     done: serve.Services
     codes: np.ndarray
-    x: np.ndarray
-    inside: np.ndarray
-    counts: issues.Counts
     judge: Callable[[issues.Scores], WindowVerdict]
+
+    @cached_property
+    def x(self) -> np.ndarray:
+        """Issues, [n, 4], NaN where one does not apply."""
+        return issues.indicators(_Columns(self.done.facts))
+
+    @cached_property
+    def inside(self) -> np.ndarray:
+        """Membership, [n, 22]."""
+        return people.encode(self.codes).astype(float)
+
+    @cached_property
+    def counts(self) -> issues.Counts:
+        """Of these services."""
+        return issues.count(self.x, self.inside)
 
     @cached_property
     def scores(self) -> issues.Scores:
@@ -52,8 +61,8 @@ class Epoch:
         return bool(self.verdict.biased)
 
 
-def counted(done: serve.Services, codes: np.ndarray, detector: Detector) -> Epoch:
-    """The issues of finished services, by group.
+def judged_by(done: serve.Services, codes: np.ndarray, detector: Detector) -> Epoch:
+    """Finished services, to be judged by a detector when somebody asks.
 
     Args:
         done: the services; observations as the policy saw them.
@@ -67,9 +76,7 @@ def counted(done: serve.Services, codes: np.ndarray, detector: Detector) -> Epoc
             {name: scores.by_identity[name] for name in detector.identities}
         )
 
-    x = issues.indicators(_Columns(done.facts))
-    inside = people.encode(codes).astype(float)
-    return Epoch(done, codes, x, inside, issues.count(x, inside), judge)
+    return Epoch(done, codes, judge)
 
 
 class _Columns:

@@ -40,6 +40,11 @@ class Lesson:
     even: np.ndarray
 
 
+def looks_back(settings: TrainSettings) -> bool:
+    """Whether what is learned from an epoch depends on what is remembered, itself included."""
+    return settings.guidance.kind in ("influence", "levelup", "surgery") or settings.rival != "none"
+
+
 def remembered(settings: TrainSettings, epoch: Epoch, past: Past) -> Past:
     """The past with this epoch in it."""
     everybody = np.concatenate([epoch.inside, np.ones((len(epoch.x), 1))], axis=1)
@@ -63,7 +68,7 @@ def learn_from(
         policy: that served.
         value: of its critic at every decision, [n, L].
         epoch: what happened.
-        past: with this epoch in it.
+        past: with this epoch in it, if ``looks_back``.
         following: the person after the last one (S_T of Eq. 6).
 
     Returns:
@@ -105,7 +110,7 @@ def evenness(settings: TrainSettings, epoch: Epoch, past: Past) -> np.ndarray:
         )
         return settings.evenness_weight * reward / sum(settings.guidance.tau)
     if kind not in ("influence", "levelup") or not _counts_now(settings, epoch):
-        return np.zeros(len(epoch.x))
+        return np.zeros(len(epoch.done.mask))
     reward = credit.influence_reward if kind == "influence" else credit.levelup_reward
     pooled = credit.pooled(past.memory)
     return reward(epoch.x, epoch.inside, settings.guidance.tau, pooled, _weighed(settings, past))

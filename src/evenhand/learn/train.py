@@ -19,7 +19,7 @@ from evenhand.detector import Detector
 from evenhand.errors import InputError
 from evenhand.interactions import Interactions
 from evenhand.learn import imitate, lesson, reflection
-from evenhand.learn.epoch import ISSUES, Epoch, counted
+from evenhand.learn.epoch import ISSUES, Epoch, judged_by
 from evenhand.learn.past import Past
 from evenhand.learn.policy import Actor, ActorCritic, state_values
 from evenhand.learn.settings import TrainSettings
@@ -125,7 +125,7 @@ def train(
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
     past = Past.empty(settings) if past is None else past
-    near = anchor(settings)
+    near, looks_back = anchor(settings), lesson.looks_back(settings)
     engines = native.Engines(settings.people, threads) if native.found() else None
     lanes = Lanes(settings.people, settings.task, threads if engines is None else 1)
     served, following = _drawn(settings, lanes, rng)
@@ -143,8 +143,9 @@ def train(
         # JAX computes while Python goes on, here and after the update
         value = state_values(before, done.observation)
         served_at = perf_counter()
-        epoch = counted(done, asking, detector)
-        past = lesson.remembered(settings, epoch, past)
+        epoch = judged_by(done, asking, detector)
+        if looks_back:
+            past = lesson.remembered(settings, epoch, past)
         taught, past = lesson.learn_from(settings, before, value, epoch, past, following)
         trajectories = Trajectories(done.observation, done.action, done.mask)
         updating_at = perf_counter()
@@ -158,6 +159,8 @@ def train(
             taught.fair,
             near,
         )
+        if not looks_back:  # then it can wait until here
+            past = lesson.remembered(settings, epoch, past)
         examined = None
         if settings.reflect:
             examined = _examined(settings, before, state.policy, trajectories, epoch)
