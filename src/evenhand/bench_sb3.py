@@ -22,7 +22,7 @@ from evenhand import bench, detector_io
 from evenhand import show as display
 from evenhand.adapters import JudgeSettings
 from evenhand.adapters.restaurant import SCHEME, facts_of
-from evenhand.cores import CORES
+from evenhand.cores import CORES, Others
 from evenhand.errors import whole
 from evenhand.learn import train
 from evenhand.learn.settings import TrainSettings, settings_of
@@ -55,8 +55,9 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         ``SyncVectorEnv`` to Evenhand's; ``sb3_ratio_dummy``: over its own ``DummyVecEnv``, to
         Evenhand's; ``sb3_ratio_adapter``: over the adapter, to Evenhand's;
         ``sb3_ratio_callback``: over the adapter with guidance and self-reflection, to the same
-        without; and for each side seconds for 1,000 services, decisions a second, decisions of a
-        service, gradient steps and their size.
+        without; ``sb3_others``: share of the processors that other work took meanwhile, None
+        where not known; and for each side seconds for 1,000 services, decisions a second,
+        decisions of a service, gradient steps and their size.
 
     Raises:
         InputError: when Stable-Baselines3 is not there or too old, or for no epochs.
@@ -78,7 +79,7 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         "dummy": _sb3(settings, _dummy, steps, guided=False),
     }
     turns: dict[str, list[Turn]] = {name: [] for name in sides}
-    bare, rates = bench.bare(), []
+    bare, rates, others = bench.bare(), [], Others()
     for _ in range(_ROUNDS):
         began = perf_counter()
         rates.append(bare(1.0)[0] / (perf_counter() - began))
@@ -97,6 +98,7 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         "sb3_ratio_dummy": ratio("dummy", "evenhand"),
         "sb3_ratio_adapter": ratio("adapter", "evenhand"),
         "sb3_ratio_callback": ratio("guided", "adapter"),
+        "sb3_others": others.share(),
         "sb3_sides": {name: _told(each) for name, each in turns.items()},
     }
 
@@ -220,11 +222,13 @@ def show(found: dict[str, Any]) -> None:
         "sync": "Stable-Baselines3, Gymnasium's SyncVectorEnv",
         "dummy": "Stable-Baselines3, its DummyVecEnv",
     }
-    sides = found["sb3_sides"]
+    sides, others = found["sb3_sides"], found["sb3_others"]
+    busy = "" if others is None else f" (other work took {others:.0%} of {CORES} cores)"
     display.table(
         f"Training by PPO: Gymnasium's environments take {found['sb3_ratio']} times as long as "
         f"Evenhand, those of Stable-Baselines3 {found['sb3_ratio_dummy']}, the adapter "
-        f"{found['sb3_ratio_adapter']}; the callback {found['sb3_ratio_callback']} times that",
+        f"{found['sb3_ratio_adapter']}; the callback {found['sb3_ratio_callback']} times that"
+        + busy,
         (
             "",
             "s for 1,000 services",

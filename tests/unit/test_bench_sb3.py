@@ -23,8 +23,10 @@ def test_all_sides_do_the_same_work(capsys, monkeypatch):
             ours["decisions_per_service"], rel=0.5
         )
         assert side["gradient_steps"] == pytest.approx(ours["gradient_steps"], rel=0.5)
+    assert 0 <= found["sb3_others"] <= 1
     bench_sb3.show(found)
     out = " ".join(capsys.readouterr().out.split())
+    assert f"(other work took {found['sb3_others']:.0%} of" in out
     assert f"Gymnasium's environments take {found['sb3_ratio']} times as long" in out
 
 

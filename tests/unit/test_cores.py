@@ -1,0 +1,45 @@
+"""How much of the processors others take, as the system counts it."""
+
+import os
+import subprocess
+import sys
+from time import perf_counter
+
+import pytest
+
+from evenhand import cores
+
+BUSY = "import time; until = time.process_time() + 1\nwhile time.process_time() < until: pass"
+
+
+def test_another_process_counts():
+    others, began = cores.Others(), perf_counter()
+    subprocess.run([sys.executable, "-c", BUSY], check=True)
+    share = others.share()
+    assert share is not None
+    # a second of its work, less what is lost by rounding
+    assert 0.8 / ((os.cpu_count() or 1) * (perf_counter() - began)) < share <= 1
+
+
+@pytest.mark.parametrize("content", ["", "cpu 1 2 three 4 5 6 7 8", "cpu 1 2"])
+def test_where_the_system_tells_nothing(tmp_path, monkeypatch, content):
+    monkeypatch.setattr(cores, "_STAT", tmp_path / "none")
+    assert cores.Others().share() is None
+    (tmp_path / "none").write_text(content)
+    assert cores.Others().share() is None
+
+
+def test_by_hand(tmp_path, monkeypatch):
+    stat = tmp_path / "stat"
+    monkeypatch.setattr(cores, "_STAT", stat)
+    monkeypatch.setattr(cores, "process_time", lambda: 5.0)
+    clock = iter([10.0, 12.0])
+    monkeypatch.setattr(cores, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(os, "sysconf", lambda name: 100)
+    # user, nice, system, idle, waiting, irq, softirq, steal
+    stat.write_text("cpu 100 0 0 700 50 0 0 0 0 0\ncpu0 1 2 3\n")
+    others = cores.Others()
+    stat.write_text("cpu 150 50 40 900 90 20 20 20 7 0\ncpu0 1 2 3\n")
+    # (50 + 50 + 40 + 20 + 20 + 20) / 100 of 4 times 2 seconds
+    assert others.share() == pytest.approx(2.0 / 8.0)
