@@ -86,7 +86,7 @@ def pack(
         action=put("action", trajectories.action, np.int32, 2),
         advantage=put("advantage", advantage, np.float32, 2),
         target=put("target", target, np.float32, 2),
-        fair=put("fair", np.zeros(valid.shape) if fair is None else fair, np.float32, 2),
+        fair=np.zeros(capacity, np.float32) if fair is None else put("fair", fair, np.float32, 2),
         mask=(np.arange(capacity) < count).astype(np.float32),
     )
     if not np.isin(decisions.action, (0, 1)).all():

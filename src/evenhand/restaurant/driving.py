@@ -239,8 +239,9 @@ def forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
             to[j] = 0.0
         for i in range(rows):
             value = at[i]
-            for j in range(columns):
-                to[j] += value * weight[i, j]
+            if value != 0.0:  # most identities are not the person's
+                for j in range(columns):
+                    to[j] += value * weight[i, j]
         if relu:
             for j in range(columns):
                 to[j] = max(to[j] + bias[j], np.float32(0.0))
