@@ -2,15 +2,22 @@
 
 All do the same work: they serve as many people by the same untrained behaviour, and take as many
 gradient steps, each on as many decisions. The learning rate is next to nothing, so that behaviour,
-and with it the work, stays the same on all sides; a step takes as long whatever it moves. Sides
-take turns, and every ratio is a median over rounds, of wall time: the learners may use all cores.
+and with it the work, stays the same on all sides; a step takes as long whatever it moves. Each side
+has a process of its own, as where people train: beside PyTorch and the other environments Evenhand
+would take up to a third longer. Sides take turns, and every ratio is a median over rounds, of wall
+time: the learners may use all cores.
 """
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cache
 from time import perf_counter
 from typing import Any
 
@@ -25,12 +32,21 @@ from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.cores import CORES, Others
 from evenhand.errors import whole
 from evenhand.learn import train
+from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import TrainSettings, settings_of
 from evenhand.restaurant.env import RestaurantEnv
 
 STILL = 1e-12
 """Learning rate."""
 _ROUNDS = 5
+SIDES = {
+    "evenhand": "Evenhand",
+    "adapter": "Stable-Baselines3, adapter",
+    "guided": "the same, guided and examined",
+    "sync": "Stable-Baselines3, Gymnasium's SyncVectorEnv",
+    "dummy": "Stable-Baselines3, its DummyVecEnv",
+}
+"""Who takes part, in the order of turns, and what the table calls them."""
 
 
 @dataclass(frozen=True)
@@ -63,35 +79,31 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         InputError: when Stable-Baselines3 is not there or too old, or for no epochs.
     """
     whole("epochs", epochs, 2, 1000)
-    from evenhand.adapters import sb3  # says so where it is missing
+    from evenhand.adapters import sb3  # noqa: F401  # says so where it is missing
 
     settings = settings_of("service", "ppo", "none", epochs=epochs)
     update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
     settings = replace(settings, update=update, reflect=False)
-    first = _evenhand(settings)  # warm; and how long services are
-    steps = round(first.decisions / first.services)
-
-    sides: dict[str, Callable[[], Turn]] = {
-        "evenhand": lambda: _evenhand(settings),
-        "adapter": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=False),
-        "guided": _sb3(settings, lambda n: sb3.restaurant(n, seed=0), steps, guided=True),
-        "sync": _sb3(settings, _sync, steps, guided=False),
-        "dummy": _sb3(settings, _dummy, steps, guided=False),
-    }
-    turns: dict[str, list[Turn]] = {name: [] for name in sides}
+    turns: dict[str, list[Turn]] = {name: [] for name in SIDES}
     bare, rates, others = bench.bare(), [], Others()
-    for _ in range(_ROUNDS):
-        began = perf_counter()
-        rates.append(bare(1.0)[0] / (perf_counter() - began))
-        for name, side in sides.items():
-            turns[name].append(side())
+    with ExitStack() as stack:
+        processes = {name: stack.enter_context(_process()) for name in SIDES}
+        warm = processes["evenhand"].submit(_turn, "evenhand", settings, 1).result()
+        steps = round(warm.decisions / warm.services)  # as long as services are
+        for round_ in range(1 + _ROUNDS):
+            began = perf_counter()
+            rates.append(bare(1.0)[0] / (perf_counter() - began))
+            for name, process in processes.items():
+                turn = process.submit(_turn, name, settings, steps).result()
+                if round_:  # the first is to get warm
+                    turns[name].append(turn)
 
     def ratio(a: str, b: str) -> float:
         pairs = zip(turns[a], turns[b], strict=True)
         each = [(x.seconds / x.services) / (y.seconds / y.services) for x, y in pairs]
         return round(float(np.median(each)), 2)
 
-    driven = 1000 * first.decisions / first.services * settings.task.interval
+    driven = 1000 * warm.decisions / warm.services * settings.task.interval
     return {
         "sb3_physics_s": round(driven / float(np.median(rates)), 2),
         "sb3_ratio": ratio("sync", "evenhand"),
@@ -101,6 +113,33 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         "sb3_others": others.share(),
         "sb3_sides": {name: _told(each) for name, each in turns.items()},
     }
+
+
+def _process() -> ProcessPoolExecutor:
+    """One process, which is there until the end; Ctrl-C is for its parent, which ends it."""
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(1, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+
+def _turn(name: str, settings: TrainSettings, steps: int) -> Turn:
+    """A turn of one side, in its process."""
+    return _side(name, settings, steps)()
+
+
+@cache
+def _side(name: str, settings: TrainSettings, steps: int) -> Callable[[], Turn]:
+    if name == "evenhand":
+        set_up_jax()
+        return lambda: _evenhand(settings)
+    make = {"sync": _sync, "dummy": _dummy}.get(name, _adapter)
+    return _sb3(settings, make, steps, guided=name == "guided")
+
+
+def _adapter(lanes: int) -> Any:
+    """The whole room at once."""
+    from evenhand.adapters import sb3
+
+    return sb3.restaurant(lanes, seed=0)
 
 
 def _sync(lanes: int) -> Any:
@@ -215,13 +254,6 @@ def _sb3(
 
 def show(found: dict[str, Any]) -> None:
     """Print the measurements."""
-    names = {
-        "evenhand": "Evenhand",
-        "adapter": "Stable-Baselines3, adapter",
-        "guided": "the same, guided and examined",
-        "sync": "Stable-Baselines3, Gymnasium's SyncVectorEnv",
-        "dummy": "Stable-Baselines3, its DummyVecEnv",
-    }
     sides, others = found["sb3_sides"], found["sb3_others"]
     busy = "" if others is None else f" (other work took {others:.0%} of {CORES} cores)"
     display.table(
@@ -244,7 +276,7 @@ def show(found: dict[str, Any]) -> None:
                 sides[name]["decisions_per_service"],
                 sides[name]["decisions_per_gradient_step"],
             )
-            for name, label in names.items()
+            for name, label in SIDES.items()
         ]
         + [("bare mj_step, nobody learns", found["sb3_physics_s"], "", "", "")],
     )

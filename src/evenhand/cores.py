@@ -17,19 +17,26 @@ class Others:
     """How much of the processors others take: they make what is measured slower."""
 
     def __init__(self) -> None:
-        self._began = perf_counter(), process_time(), _worked()
+        self._began = perf_counter(), _own(), _worked()
 
     def share(self) -> float | None:
         """Of all processors, since this was made, 0 to 1; None where the system does not tell.
 
-        Other processes of one's own count as others, and so does a host that serves others.
+        Processes that this one has started count as its own once they have ended, and as others
+        before; a host that serves others counts, too.
         """
         clock, own, before = self._began
         now = _worked()
         if now is None or before is None:
             return None
         spent = (perf_counter() - clock) * (os.cpu_count() or 1)
-        return min(max((now - before - (process_time() - own)) / spent, 0.0), 1.0)
+        return min(max((now - before - (_own() - own)) / spent, 0.0), 1.0)
+
+
+def _own() -> float:
+    """Seconds of processors that this process took, and those that it started and that ended."""
+    ended = os.times()
+    return process_time() + ended.children_user + ended.children_system
 
 
 def _worked() -> float | None:

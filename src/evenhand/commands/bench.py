@@ -99,7 +99,5 @@ class Bench:
     def _sb3(self) -> dict[str, Any]:
         inputs.load_physics()
         from evenhand import bench_sb3
-        from evenhand.learn.runtime import set_up_jax
 
-        set_up_jax()
         return self._shown(bench_sb3.measure(), bench_sb3.show)
