@@ -4,8 +4,9 @@ All do the same work: they serve as many people by the same untrained behaviour,
 gradient steps, each on as many decisions. The learning rate is next to nothing, so that behaviour,
 and with it the work, stays the same on all sides; a step takes as long whatever it moves. Each side
 has a process of its own, as where people train: beside PyTorch and the other environments Evenhand
-would take up to a third longer. Sides take turns, and every ratio is a median over rounds, of wall
-time: the learners may use all cores.
+would take up to a third longer. A turn is a whole training: in turns of a fraction of a second
+Evenhand would be measured while the processors wake. Sides take turns, and every ratio is a median
+over rounds, of wall time: the learners may use all cores.
 """
 
 # pyright: reportMissingImports=false
@@ -38,7 +39,7 @@ from evenhand.restaurant.env import RestaurantEnv
 
 STILL = 1e-12
 """Learning rate."""
-_ROUNDS = 5
+_ROUNDS = 3
 SIDES = {
     "evenhand": "Evenhand",
     "adapter": "Stable-Baselines3, adapter",
@@ -59,11 +60,11 @@ class Turn:
     gradient_steps: int
 
 
-def measure(epochs: int = 30) -> dict[str, Any]:
+def measure(epochs: int = 300) -> dict[str, Any]:
     """Train in turns.
 
     Args:
-        epochs: of 30 services, in a turn.
+        epochs: of 30 services, in a turn; as many as ``evenhand train`` takes.
 
     Returns:
         ``sb3_physics_s``: seconds that a bare loop of ``mj_step`` (``bench.bare``) takes for 1,000
@@ -90,13 +91,11 @@ def measure(epochs: int = 30) -> dict[str, Any]:
         processes = {name: stack.enter_context(_process()) for name in SIDES}
         warm = processes["evenhand"].submit(_turn, "evenhand", settings, 1).result()
         steps = round(warm.decisions / warm.services)  # as long as services are
-        for round_ in range(1 + _ROUNDS):
+        for _ in range(_ROUNDS):
             began = perf_counter()
             rates.append(bare(1.0)[0] / (perf_counter() - began))
             for name, process in processes.items():
-                turn = process.submit(_turn, name, settings, steps).result()
-                if round_:  # the first is to get warm
-                    turns[name].append(turn)
+                turns[name].append(process.submit(_turn, name, settings, steps).result())
 
     def ratio(a: str, b: str) -> float:
         pairs = zip(turns[a], turns[b], strict=True)
@@ -122,7 +121,7 @@ def _process() -> ProcessPoolExecutor:
 
 
 def _turn(name: str, settings: TrainSettings, steps: int) -> Turn:
-    """A turn of one side, in its process."""
+    """A turn of one side, in its process; what getting ready takes is not counted."""
     return _side(name, settings, steps)()
 
 
