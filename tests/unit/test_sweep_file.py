@@ -193,6 +193,11 @@ def test_all_of_them_are_said_at_once(tmp_path):
     assert wrong[1] == "line 1: scenarios is missing: add it"
 
 
+def test_a_misspelt_key_is_not_missing_too(tmp_path):
+    _, [said] = examine(tmp_path, HEAD.replace("scenarios", "scenario"))
+    assert "unknown key 'scenario': did you mean 'scenarios'?" in said
+
+
 class TestDuplicates:
     def test_by_two_tables(self, tmp_path):
         text = HEAD + '[[runs]]\nseeds = 2\n[[runs]]\nseeds = [1]\narms = ["penalty", "service"]\n'
@@ -206,6 +211,19 @@ class TestDuplicates:
     def test_by_the_same_strength_written_otherwise(self, tmp_path):
         _, wrong = examine(tmp_path, HEAD.replace('"service"', '"levelup@2", "levelup@2.0"'))
         assert wrong == ["line 2, arms: 'levelup@2.0' stands there twice: take it out once"]
+
+    @pytest.mark.parametrize(
+        ("arm", "also"),
+        [("levelup", "5"), ("surgery", "1.0"), ("influence", "0.5"), ("elbert", "2e-2")],
+    )
+    def test_by_the_strength_that_an_arm_has_anyway(self, tmp_path, arm, also):
+        arms = f'"{arm}", "{arm}@{also}"'
+        _, [said] = examine(tmp_path, HEAD.replace('"service"', arms))
+        assert f"would be the same, for that is the strength of {arm} anyway: take one out" in said
+
+    def test_by_the_sign_of_zero(self, tmp_path):
+        _, [said] = examine(tmp_path, HEAD.replace('"service"', '"levelup@0", "levelup@-0"'))
+        assert said == "line 2, arms: 'levelup@-0' stands there twice: take it out once"
 
     def test_by_a_setting_that_an_algorithm_does_not_know(self, tmp_path):
         text = 'algorithms = ["reinforce"]\n' + HEAD + "[settings]\nclip = [0.2, 0.3]\n"

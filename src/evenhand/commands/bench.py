@@ -28,7 +28,7 @@ class Bench:
     adapters: what wrapping an environment costs.
     study: the analysis of a study of 10,000 participants.
     sweep: what a sweep of 16 runs costs beside its runs; minutes.
-    sb3: training beside Stable-Baselines3 (extra sb3).
+    sb3: training one arm beside Stable-Baselines3 (extra sb3); minutes.
     all: the first five; sweep and sb3 are measured by their names alone."""
 
     seconds: float = 15.0

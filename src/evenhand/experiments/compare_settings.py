@@ -79,7 +79,7 @@ def method_of(arm: str) -> tuple[str, float | None]:
     if not ARMS[name].has_strength:
         raise InputError(f"arm {arm}: {name} has no strength, drop @{text}")
     try:
-        strength = float(text)
+        strength = float(text) + 0.0  # which makes -0.0 the other zero
         if not isfinite(strength) or strength < 0:
             raise ValueError
     except ValueError:
@@ -93,6 +93,17 @@ def arm_of(method: str, strength: float | None) -> str:
         return method
     short = f"{strength:g}"
     return f"{method}@{short if float(short) == strength else repr(strength)}"
+
+
+def plain(arm: str) -> str:
+    """An arm without a strength that it has anyway: ``levelup@5`` is ``levelup``."""
+    from evenhand.guidance import STRENGTH  # brings NumPy along
+
+    method, strength = method_of(arm)
+    own = ARMS[method].strength
+    if own is None:
+        own = STRENGTH.get(ARMS[method].guidance)
+    return method if strength == own else arm_of(method, strength)
 
 
 @dataclass(frozen=True, order=True)
@@ -175,7 +186,7 @@ class CompareSettings:
             if kind in one_way:
                 names = tuple(one_way[kind](name) for name in names)
                 object.__setattr__(self, kind, names)
-            if len(set(names)) < len(names):
+            if len(set(map(plain, names) if kind == "arms" else names)) < len(names):
                 raise InputError(f"an entry of {kind} is given twice: {', '.join(names)}")
         for name in self.algorithms:
             if name not in ALGORITHMS:

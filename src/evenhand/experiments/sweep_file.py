@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand import people, scenarios
-from evenhand.errors import InputError, unknown, whole
+from evenhand.errors import InputError, nearest, unknown, whole
 from evenhand.experiments import compare, sweep_settings
 from evenhand.experiments.compare_settings import (
     ALGORITHMS,
@@ -20,6 +20,7 @@ from evenhand.experiments.compare_settings import (
     Cell,
     arm_of,
     method_of,
+    plain,
 )
 from evenhand.experiments.settings import SERVICES
 from evenhand.experiments.sweep_settings import Job, Sweep, Value, Variant
@@ -42,6 +43,7 @@ WORLD = ("population",)
 """Of ``learn.settings.TrainSettings``."""
 SETTINGS = (*UPDATE, *POLICY, *WORLD)
 _GRID = ("scenarios", "arms", "algorithms", "seeds", "epochs", "people", "services")
+_KEYS = (*_GRID, "settings", "runs")
 _SEEDS = (0, 100_000)
 _COUNTS = (1, 1000)
 
@@ -87,9 +89,9 @@ def _jobs(top: Table) -> list[Job]:
             table.done()
         values = {"algorithms": ("ppo",)} | common.values | own.values
         lacking = [key for key in ("scenarios", "arms", "seeds") if key not in values]
-        told = {place[-1] for place, _ in top.wrong if place}
+        told = [str(at[-1]) for at, _ in top.wrong if at and at[:-1] in ((), table.place)]
         for key in lacking:
-            if key not in told:
+            if not any(nearest(word, _KEYS) == key for word in told):
                 top.wrong.append((table.place, f"{key} is missing: add it"))
         if top.wrong:
             continue
@@ -108,11 +110,12 @@ def _jobs(top: Table) -> list[Job]:
 def _twice(job: Job, earlier: Job, where: str) -> str:
     where = f" (first in {where})" if where else ""
     if job.variant == earlier.variant:
-        return f"the run {job} stands there twice{where}: take it out once"
-    return (
-        f"the runs {earlier} and {job} would be the same{where}, for reinforce knows no passes, "
-        "minibatches and clip: take one out"
-    )
+        if job.cell == earlier.cell:
+            return f"the run {job} stands there twice{where}: take it out once"
+        why = f"that is the strength of {plain(job.cell.arm)} anyway"
+    else:
+        why = "reinforce knows no passes, minibatches and clip"
+    return f"the runs {earlier} and {job} would be the same{where}, for {why}: take one out"
 
 
 def _grid(values: dict[str, tuple[Any, ...]], learner: dict[str, tuple[Any, ...]]) -> Iterator[Job]:

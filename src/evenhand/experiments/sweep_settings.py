@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from evenhand.experiments.compare_settings import Cell, CompareSettings
+from evenhand.experiments.compare_settings import Cell, CompareSettings, plain
 
 Value = bool | int | float | str | tuple[int, ...]
 EPOCHS = (2, 100_000)
@@ -94,7 +94,8 @@ class Job:
         if self.cell.algorithm == "reinforce":
             learner = tuple(one for one in learner if one[0] not in _PPO_ONLY)
         v = self.variant
-        return (v.epochs, v.people, v.services, learner, self.cell)
+        cell = replace(self.cell, arm=plain(self.cell.arm))
+        return (v.epochs, v.people, v.services, learner, cell)
 
 
 @dataclass(frozen=True)
