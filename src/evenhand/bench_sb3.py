@@ -2,23 +2,19 @@
 
 All do the same work: they serve as many people by the same untrained behaviour, and take as many
 gradient steps, each on as many decisions. The learning rate is next to nothing, so that behaviour,
-and with it the work, stays the same on all sides; a step takes as long whatever it moves. Each side
-has a process of its own, as where people train: beside PyTorch and the other environments Evenhand
-would take up to a third longer. A turn is a whole training: in turns of a fraction of a second
-Evenhand would be measured while the processors wake. Sides take turns, and every ratio is a median
-over rounds, of wall time: the learners may use all cores.
+and with it the work, stays the same on all sides; a step takes as long whatever it moves. Sides
+take turns, and every ratio is a median over rounds, of wall time: the learners may use all cores.
+Each turn has a process of its own, as where people train: beside PyTorch and the other environments
+Evenhand would take up to a third longer. It is a whole training: in a fraction of a second Evenhand
+would be measured while the processors wake. PyTorch has one thread or all, whatever is faster in a
+short try.
 """
 
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cache
 from time import perf_counter
 from typing import Any
 
@@ -32,6 +28,7 @@ from evenhand.adapters import JudgeSettings
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.cores import CORES, Others
 from evenhand.errors import whole
+from evenhand.experiments.pool import Task, Tell, run_all
 from evenhand.learn import train
 from evenhand.learn.runtime import set_up_jax
 from evenhand.learn.settings import TrainSettings, settings_of
@@ -40,6 +37,8 @@ from evenhand.restaurant.env import RestaurantEnv
 STILL = 1e-12
 """Learning rate."""
 _ROUNDS = 3
+_TRY = 8
+"""Rollouts by which the number of threads is chosen."""
 SIDES = {
     "evenhand": "Evenhand",
     "adapter": "Stable-Baselines3, adapter",
@@ -78,6 +77,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
 
     Raises:
         InputError: when Stable-Baselines3 is not there or too old, or for no epochs.
+        WorkerLostError: when a process died.
     """
     whole("epochs", epochs, 2, 1000)
     from evenhand.adapters import sb3  # noqa: F401  # says so where it is missing
@@ -87,22 +87,20 @@ def measure(epochs: int = 300) -> dict[str, Any]:
     settings = replace(settings, update=update, reflect=False)
     turns: dict[str, list[Turn]] = {name: [] for name in SIDES}
     bare, rates, others = bench.bare(), [], Others()
-    with ExitStack() as stack:
-        processes = {name: stack.enter_context(_process()) for name in SIDES}
-        warm = processes["evenhand"].submit(_turn, "evenhand", settings, 1).result()
-        steps = round(warm.decisions / warm.services)  # as long as services are
-        for _ in range(_ROUNDS):
-            began = perf_counter()
-            rates.append(bare(1.0)[0] / (perf_counter() - began))
-            for name, process in processes.items():
-                turns[name].append(process.submit(_turn, name, settings, steps).result())
+    first = _apart("evenhand", settings, 1)
+    steps = round(first.decisions / first.services)  # as long as services are
+    for _ in range(_ROUNDS):
+        began = perf_counter()
+        rates.append(bare(1.0)[0] / (perf_counter() - began))
+        for name in SIDES:
+            turns[name].append(_apart(name, settings, steps))
 
     def ratio(a: str, b: str) -> float:
         pairs = zip(turns[a], turns[b], strict=True)
         each = [(x.seconds / x.services) / (y.seconds / y.services) for x, y in pairs]
         return round(float(np.median(each)), 2)
 
-    driven = 1000 * warm.decisions / warm.services * settings.task.interval
+    driven = 1000 * first.decisions / first.services * settings.task.interval
     return {
         "sb3_physics_s": round(driven / float(np.median(rates)), 2),
         "sb3_ratio": ratio("sync", "evenhand"),
@@ -114,22 +112,20 @@ def measure(epochs: int = 300) -> dict[str, Any]:
     }
 
 
-def _process() -> ProcessPoolExecutor:
-    """One process, which is there until the end; Ctrl-C is for its parent, which ends it."""
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(1, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+def _apart(name: str, settings: TrainSettings, steps: int) -> Turn:
+    """A turn in a process of its own."""
+    arguments = {"name": name, "settings": settings, "steps": steps}
+    [turn] = run_all([Task(SIDES[name], _turn, arguments)], 1, lambda *_: None, apart=True)
+    return turn
 
 
-def _turn(name: str, settings: TrainSettings, steps: int) -> Turn:
-    """A turn of one side, in its process; what getting ready takes is not counted."""
-    return _side(name, settings, steps)()
-
-
-@cache
-def _side(name: str, settings: TrainSettings, steps: int) -> Callable[[], Turn]:
+def _turn(*, tell: Tell, name: str, settings: TrainSettings, steps: int) -> Turn:
+    """A turn of one side; what getting ready takes is not counted."""
+    del tell
     if name == "evenhand":
         set_up_jax()
-        return lambda: _evenhand(settings)
+        _evenhand(settings)  # compiles
+        return _evenhand(settings)
     make = {"sync": _sync, "dummy": _dummy}.get(name, _adapter)
     return _sb3(settings, make, steps, guided=name == "guided")
 
@@ -187,13 +183,12 @@ def _evenhand(settings: TrainSettings) -> Turn:
     return Turn(spent, services, physics // settings.task.interval + services, steps)
 
 
-def _sb3(
-    settings: TrainSettings, make: Callable[[int], Any], steps: int, guided: bool
-) -> Callable[[], Turn]:
-    """A turn of Stable-Baselines3 with the same network and settings."""
+def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided: bool) -> Turn:
+    """Train by Stable-Baselines3 with the same network and settings."""
     import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback, CallbackList
+    from stable_baselines3.common.logger import Logger
 
     from evenhand.adapters.sb3 import EvennessCallback
     from evenhand.guidance import guided as guidance
@@ -229,26 +224,31 @@ def _sb3(
         device="cpu",
         seed=0,
     )
+    model.set_logger(Logger(None, []))  # else each call of learn leaves a folder
     rate = settings.policy.initial_response_rate
     policy: Any = model.policy
     with torch.no_grad():
         policy.action_net.bias.copy_(torch.log(torch.tensor([1 - rate, rate])))
-    model.learn(steps * settings.people)  # warm
 
-    def turn() -> Turn:
-        until = Until(wanted)
-        callbacks: list[BaseCallback] = [until]
-        if guided:
-            chosen = JudgeSettings(guidance=guidance("levelup"))
-            callbacks.append(EvennessCallback(SCHEME, facts_of, settings=chosen))
-        updates = model._n_updates
+    def learns(threads: int) -> float:
+        torch.set_num_threads(threads)
         began = perf_counter()
-        model.learn(10**9, CallbackList(callbacks))
-        spent = perf_counter() - began
-        taken = (model._n_updates - updates) * update.minibatches
-        return Turn(spent, until.ended, model.num_timesteps, taken)
+        model.learn(_TRY * steps * settings.people)
+        return perf_counter() - began
 
-    return turn
+    learns(1)  # to get warm
+    torch.set_num_threads(min({1, CORES}, key=learns))
+    until = Until(wanted)
+    callbacks: list[BaseCallback] = [until]
+    if guided:
+        chosen = JudgeSettings(guidance=guidance("levelup"))
+        callbacks.append(EvennessCallback(SCHEME, facts_of, settings=chosen))
+    updates = model._n_updates
+    began = perf_counter()
+    model.learn(10**9, CallbackList(callbacks))
+    spent = perf_counter() - began
+    taken = (model._n_updates - updates) * update.minibatches
+    return Turn(spent, until.ended, model.num_timesteps, taken)
 
 
 def show(found: dict[str, Any]) -> None:

@@ -64,6 +64,11 @@ class TestResults:
         results = run_all([Task("a", work.square, {"number": 3})], 4, silent)
         assert results[0]["process"] == os.getpid()
 
+    def test_one_task_apart(self, work):
+        results = run_all([Task("a", work.square, {"number": 3})], 1, silent, apart=True)
+        assert results[0]["square"] == 9
+        assert results[0]["process"] != os.getpid()
+
     def test_what_was_finished_before_is_told_here_and_keeps_its_place(self, work, tmp_path):
         # the second waits for the fourth, so that both need a process of their own
         signs: list[dict[str, Any]] = [{}, {"after": tmp_path / "x"}, {}, {"mark": tmp_path / "x"}]

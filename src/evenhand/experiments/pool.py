@@ -98,13 +98,14 @@ class Outcome:
     attempts: int = 1
 
 
-def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
+def run_all(tasks: Sequence[Task], workers: int, tell: Tell, *, apart: bool = False) -> list[Any]:
     """Run every task; results come in the order of the tasks.
 
     Args:
         tasks: what to do.
         workers: processes; with 1 everything runs in this one.
         tell: told of progress, in this process.
+        apart: nothing but finished tasks runs in this process, whatever their number.
 
     Raises:
         InputError: as a task raised it.
@@ -112,7 +113,8 @@ def run_all(tasks: Sequence[Task], workers: int, tell: Tell) -> list[Any]:
         RuntimeError: when a task failed otherwise, with its traceback.
     """
     _check(workers)
-    here = len([task for task in tasks if not task.finished]) <= 1 or workers == 1
+    left = [task for task in tasks if not task.finished]
+    here = not apart and (len(left) <= 1 or workers == 1)
     results: dict[int, Any] = {
         index: task.run(tell=tell, **task.arguments)
         for index, task in enumerate(tasks)
@@ -203,7 +205,7 @@ def _run_apart(
             elif kind == "lost":
                 raise WorkerLostError(
                     f"a worker process ended with code {content} (out of memory, or killed): "
-                    "run the same command again, it goes on where it was"
+                    "run the same command again, what is finished is kept"
                 )
 
 
