@@ -8,6 +8,7 @@ shift's: what is dragged, pushed or set in the viewer moves the picture, never t
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import logging
 import socket
@@ -29,7 +30,9 @@ from mujoco.studio import (
     viewer_protocol,
     web_viewer,
 )
+from mujoco.studio.web import web_server
 
+from evenhand.errors import InputError
 from evenhand.live import words
 from evenhand.live.panel import FasterSnapshot, LookedAtEvent, MomentSnapshot, Panel
 from evenhand.live.shift import Shift
@@ -41,8 +44,6 @@ _REST = 1.0
 """Seconds for which the end of a service stays in sight."""
 _BEHIND = 0.1
 """Seconds of lateness that are caught up with; after more, time goes on from where it is."""
-_TRIES = 1000
-"""To reach the server that was just started, one every 10 ms."""
 _KEPT_MODELS = 96 * 2**20
 """Bytes of models that the server keeps; a slow browser asks late, for some of long ago."""
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -172,6 +173,8 @@ class LoopbackViewer(web_viewer.WebViewer):
         """Studio asks for every interface, and has no setting for it."""
 
     def _start_server(self) -> None:
+        self._http_sock = listening(self._http_sock, self.config.http_port)
+        self._http_port = self._http_sock.getsockname()[1]
         super()._start_server()
         assert self._web_server is not None
         self._web_server.model_cache_bytes = _KEPT_MODELS
@@ -181,18 +184,33 @@ class LoopbackViewer(web_viewer.WebViewer):
         del event
         self._update_model()
 
-    def await_server(self) -> None:
-        """Return when the address can be opened."""
-        for _ in range(_TRIES):
-            with contextlib.suppress(ConnectionRefusedError):
-                socket.create_connection((HOST, self._http_port)).close()
-                return
-            time.sleep(0.01)
-
     @property
     def address(self) -> str:
         """What to open in a browser."""
         return f"http://{HOST}:{self._http_port}/"
+
+
+def listening(bound: socket.socket, wanted: int) -> socket.socket:
+    """A socket that listens, so that its port is taken: the one given, or one on the next port.
+
+    Studio binds a port and listens later; until then Linux lets another program bind it, too, and
+    whoever listens first has it.
+
+    Raises:
+        InputError: when the port that was asked for is taken; 0 asks for none.
+    """
+    while True:
+        try:
+            bound.listen()
+            return bound
+        except OSError as error:
+            bound.close()
+            if error.errno != errno.EADDRINUSE:
+                raise
+            if wanted:
+                said = f"port {wanted} is in use: give another one, or leave --port out"
+                raise InputError(said) from error
+        bound = web_server.bind_public_socket(HOST, 0)
 
 
 def show(
@@ -230,7 +248,6 @@ def show(
             # Studio prints a banner of its own
             with contextlib.redirect_stdout(io.StringIO()):
                 viewer = LoopbackViewer(config, endpoint, model=stage.model, plugins=viewers)
-            viewer.await_server()
             address.append(viewer.address)
         finally:
             open_now.set()

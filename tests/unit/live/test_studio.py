@@ -1,11 +1,14 @@
 """The loop that shows a shift, with a fake viewer at the other end and a clock of its own."""
 
+import socket
+from contextlib import closing
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
+from evenhand.errors import InputError
 from evenhand.live import shift, words
 from evenhand.live.shift import Shift
 from evenhand.live.wardrobe import Wardrobe
@@ -241,3 +244,39 @@ def test_faces_are_seen_and_what_hides_the_room_is_not():
     assert model.geom("look_guest0_eye_left").group[0] == 0
     assert model.geom("look_south_ceiling").group[0] == 4
     assert all(model.geom_group[model.geom_rgba[:, 3] == 0.0] == 5)
+
+
+class TestAPortThatTwoHaveBound:
+    """Linux lets them, as long as neither listens."""
+
+    @pytest.fixture
+    def pair(self):
+        """Bound by this program, then bound and listened on by another."""
+        with closing(bound()) as ours, closing(bound(ours.getsockname()[1])) as theirs:
+            theirs.listen()
+            yield ours, theirs
+
+    def test_whoever_comes_later_takes_another(self, pair):
+        ours, theirs = pair
+        with closing(studio.listening(ours, 0)) as found:
+            assert found.getsockname()[0] == "127.0.0.1"
+            assert found.getsockname()[1] != theirs.getsockname()[1]
+            socket.create_connection(found.getsockname()).close()
+
+    def test_that_was_asked_for_is_said_to_be_in_use(self, pair):
+        ours, theirs = pair
+        port = theirs.getsockname()[1]
+        with pytest.raises(InputError, match=f"port {port} is in use: give another one"):
+            studio.listening(ours, port)
+
+    def test_alone_it_is_kept(self):
+        with closing(bound()) as ours:
+            assert studio.listening(ours, 0) is ours
+            socket.create_connection(ours.getsockname()).close()
+
+
+def bound(port: int = 0) -> socket.socket:
+    found = socket.socket()
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    found.bind(("127.0.0.1", port))
+    return found
