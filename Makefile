@@ -46,7 +46,7 @@ check: $(READY) ## format, lint, types, imports, spelling, house rules
 	$(BIN)/codespell
 	$(BIN)/pytest -q tests/contracts/test_house.py
 
-bench: $(READY) ## measure speed: environment, audit, clips, adapters, study (ARGS=--json)
+bench: $(READY) ## measure speed, side by side; beside Stable-Baselines3 after make sb3 (ARGS=--json)
 	$(BIN)/evenhand bench $(ARGS)
 
 docs: $(READY) ## build the documentation site, every warning an error

@@ -24,7 +24,7 @@ from gymnasium.vector import AutoresetMode
 
 from evenhand import bench, detector_io
 from evenhand import show as display
-from evenhand.adapters import JudgeSettings
+from evenhand.adapters import JudgeSettings, versions
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.cores import CORES, Others
 from evenhand.errors import whole
@@ -80,8 +80,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
         WorkerLostError: when a process died.
     """
     whole("epochs", epochs, 2, 1000)
-    from evenhand.adapters import sb3  # noqa: F401  # says so where it is missing
-
+    versions.stable_baselines3()
     settings = settings_of("service", "ppo", "none", epochs=epochs)
     update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
     settings = replace(settings, update=update, reflect=False)

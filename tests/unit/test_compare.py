@@ -80,7 +80,7 @@ def test_cells_are_sorted_as_they_are_listed():
         ({"scenarios": ()}, "no scenario is given: name at least one"),
         ({"arms": ("levlup",)}, "unknown arm 'levlup': did you mean 'levelup'"),
         ({"arms": ("levelup@2", "levelup@2.0")}, "an entry of arms is given twice"),
-        ({"arms": ("levelup", "levelup@5")}, "an entry of arms is given twice"),
+        ({"arms": ("levelup@5", "levelup")}, "arms is given twice: levelup, levelup"),
         ({"arms": ("service@2",)}, "service has no strength, drop @2"),
         ({"arms": ("levelup@x",)}, "arm levelup@x: give a finite strength of at least 0"),
         ({"arms": ("levelup@-1",)}, "arm levelup@-1: give a finite strength of at least 0"),

@@ -33,6 +33,15 @@ def required(package: str, least: str, extra: str, what: str) -> None:
         )
 
 
+def stable_baselines3() -> None:
+    """Check Stable-Baselines3.
+
+    Raises:
+        InputError: as ``required``.
+    """
+    required("stable-baselines3", "2.7", "sb3", "the adapters for Stable-Baselines3")
+
+
 def _numbers(version: str) -> tuple[int, ...]:
     """The release of a version; what follows it, such as rc1, does not count."""
     release = re.match(r"\d+(\.\d+)*", version)

@@ -186,8 +186,9 @@ class CompareSettings:
             if kind in one_way:
                 names = tuple(one_way[kind](name) for name in names)
                 object.__setattr__(self, kind, names)
-            if len(set(map(plain, names) if kind == "arms" else names)) < len(names):
-                raise InputError(f"an entry of {kind} is given twice: {', '.join(names)}")
+            alike = tuple(map(plain, names)) if kind == "arms" else names
+            if len(set(alike)) < len(alike):
+                raise InputError(f"an entry of {kind} is given twice: {', '.join(alike)}")
         for name in self.algorithms:
             if name not in ALGORITHMS:
                 raise unknown("algorithm", name, ALGORITHMS)

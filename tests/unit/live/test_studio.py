@@ -250,33 +250,40 @@ class TestAPortThatTwoHaveBound:
     """Linux lets them, as long as neither listens."""
 
     @pytest.fixture
-    def pair(self):
-        """Bound by this program, then bound and listened on by another."""
-        with closing(bound()) as ours, closing(bound(ours.getsockname()[1])) as theirs:
-            theirs.listen()
-            yield ours, theirs
+    def rival(self, monkeypatch):
+        """Another program binds the first port that the viewer binds, and listens at once."""
+        bind, rivals = studio.web_server.bind_public_socket, []
 
-    def test_whoever_comes_later_takes_another(self, pair):
-        ours, theirs = pair
-        with closing(studio.listening(ours, 0)) as found:
-            assert found.getsockname()[0] == "127.0.0.1"
-            assert found.getsockname()[1] != theirs.getsockname()[1]
-            socket.create_connection(found.getsockname()).close()
+        def bind_too(host: str, port: int = 0) -> socket.socket:
+            ours = bind(host, port)
+            if not rivals:
+                rivals.append(socket.socket())
+                rivals[0].setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                rivals[0].bind(ours.getsockname())
+                rivals[0].listen()
+            return ours
 
-    def test_that_was_asked_for_is_said_to_be_in_use(self, pair):
-        ours, theirs = pair
-        port = theirs.getsockname()[1]
+        monkeypatch.setattr(studio.web_server, "bind_public_socket", bind_too)
+        yield rivals
+        rivals[0].close()
+
+    def test_whoever_comes_later_takes_another(self, rival, monkeypatch):
+        monkeypatch.setattr(studio.web_server.WebServer, "start", lambda server: None)
+        with closing(shown()) as viewer:
+            port = int(viewer.address.removeprefix("http://127.0.0.1:").removesuffix("/"))
+            assert port != rival[0].getsockname()[1]
+            socket.create_connection(("127.0.0.1", port)).close()
+
+    def test_one_that_was_asked_for_is_said_to_be_in_use(self, rival):
+        bound = studio.web_server.bind_public_socket(studio.HOST)
+        port = rival[0].getsockname()[1]
         with pytest.raises(InputError, match=f"port {port} is in use: give another one"):
-            studio.listening(ours, port)
-
-    def test_alone_it_is_kept(self):
-        with closing(bound()) as ours:
-            assert studio.listening(ours, 0) is ours
-            socket.create_connection(ours.getsockname()).close()
+            studio.listening(bound, port)
 
 
-def bound(port: int = 0) -> socket.socket:
-    found = socket.socket()
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    found.bind(("127.0.0.1", port))
-    return found
+def shown() -> Any:
+    """A viewer of one service."""
+    config = studio.viewer_protocol.ViewerConfig(gfx="web", open_browser=False)
+    endpoint, _ = launch_thread.make_thread_endpoints()
+    model = Wardrobe().model(Shift(shift.scripted("even", 1.0, "even"), 0).now)
+    return studio.LoopbackViewer(config, endpoint, model=model, plugins=[])

@@ -7,9 +7,9 @@ judges what is served in training, on any environment of theirs.
 
 from __future__ import annotations
 
-from evenhand.adapters.versions import required
+from evenhand.adapters.versions import stable_baselines3
 
-required("stable-baselines3", "2.7", "sb3", "the adapters for Stable-Baselines3")
+stable_baselines3()
 
 from evenhand.adapters.sb3.loading import triton_first  # noqa: E402 - after the check
 

@@ -1,0 +1,67 @@
+"""What ``evenhand bench`` measures, and in which order; nothing is measured here."""
+
+from importlib import import_module
+
+import pytest
+
+from evenhand.adapters import versions
+from evenhand.commands.bench import Bench
+from evenhand.errors import InputError
+
+PARTS = {
+    "env": "bench",
+    "audit": "bench_audit",
+    "film": "bench_film",
+    "adapters": "bench_adapters",
+    "study": "bench_study",
+    "sweep": "bench_sweep",
+    "sb3": "bench_sb3",
+}
+
+
+@pytest.fixture
+def measured(monkeypatch) -> list[str]:
+    """What is measured; each takes no time."""
+    names: list[str] = []
+
+    def measure(name: str):
+        return lambda *_: names.append(name) or {name: 1}
+
+    for name, room in PARTS.items():
+        module = import_module(f"evenhand.{room}")
+        monkeypatch.setattr(module, "measure", measure(name))
+        monkeypatch.setattr(module, "show", lambda found: print(*found))
+    monkeypatch.setattr(versions, "stable_baselines3", lambda: None)
+    return names
+
+
+def test_everything(measured, capsys):
+    assert Bench().run("") == 0
+    assert measured == list(PARTS)
+    assert capsys.readouterr().out.split() == list(PARTS)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_one_thing(measured, capsys, name):
+    assert Bench(what=name, json=True).run("") == 0
+    assert measured == [name]
+    assert capsys.readouterr().out == f'{{"{name}": 1}}\n'
+
+
+class TestWithoutStableBaselines3:
+    @pytest.fixture(autouse=True)
+    def gone(self, measured, monkeypatch):
+        def gone() -> None:
+            raise InputError("it is not installed")
+
+        monkeypatch.setattr(versions, "stable_baselines3", gone)
+
+    def test_everything_else(self, measured, capsys):
+        assert Bench().run("") == 0
+        assert measured == list(PARTS)[:-1]
+        assert capsys.readouterr().err == "sb3 is left out: it is not installed\n"
+
+    def test_alone(self, measured):
+        with pytest.raises(InputError, match="it is not installed"):
+            Bench(what="sb3").run("")
+        assert measured == []
