@@ -53,8 +53,9 @@ docs: $(READY) ## build the documentation site, every warning an error
 	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
 	@echo "documentation: $(abspath docs/_build)/index.html"
 
+sb3: override EXTRAS = dev,sb3
 sb3: $(INSTALLED) ## add Stable-Baselines3 and PyTorch (5 GB), for their tests, example and bench
-	$(call install,'.[dev,sb3]')
+	$(call install,'.[$(EXTRAS)]')
 
 lock: sb3 ## write the versions of .venv into constraints.txt
 	$(BIN)/pip freeze --exclude-editable --exclude evenhand --exclude pip --exclude setuptools \

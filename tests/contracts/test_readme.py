@@ -1,6 +1,7 @@
 """The README shows only what runs: its Python is executed, its commands and files exist."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -56,3 +57,11 @@ def test_files_and_figures_in_the_readme_exist():
 
 def test_the_readme_is_finished():
     assert not re.search(r"[A-Z]+_(TIME|TABLE)", TEXT)
+
+
+def test_make_sb3_installs_that_extra_by_either_installer():
+    told = subprocess.run(
+        ["make", "--dry-run", "sb3"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    by_uv, by_pip = told.stdout.strip().splitlines()[-1].split(" || ")
+    assert shlex.split(by_uv)[-2:] == shlex.split(by_pip)[-2:] == ["--editable", ".[dev,sb3]"]
