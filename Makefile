@@ -26,7 +26,7 @@ PYTHON ?= $(shell for p in python3.11 python3 python3.12 python3.13 python3.14; 
 	&& { echo $$p; break; }; done)
 
 help: ## say what there is
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 18
+	@sed -nE 's/^([a-z0-9]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 18
 
 reproduce: $(READY) ## run the whole experiment of the paper and write its report (OUT=, ARGS=)
 	$(BIN)/evenhand reproduce --out $(OUT) $(ARGS)

@@ -65,3 +65,10 @@ def test_make_sb3_installs_that_extra_by_either_installer():
     )
     by_uv, by_pip = told.stdout.strip().splitlines()[-1].split(" || ")
     assert shlex.split(by_uv)[-2:] == shlex.split(by_pip)[-2:] == ["--editable", ".[dev,sb3]"]
+
+
+def test_make_says_every_target():
+    phony = re.search(r"^\.PHONY: (.*)", (ROOT / "Makefile").read_text(), re.M)
+    assert phony
+    told = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {line.split()[1] for line in told.splitlines()} == {*phony[1].split()}
