@@ -7,8 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand import bench_adapters, bench_audit, bench_film, bench_study, bench_sweep
-from evenhand.commands import bench
+from evenhand import bench_audit
 from evenhand.errors import InputError
 
 KEYS = {
@@ -152,35 +151,3 @@ def test_fairlearn_sees_the_rates_of_the_log(tmp_path, monkeypatch):
 def test_wrong_input(given, said):
     with pytest.raises(InputError, match=said):
         bench_audit.measure(**given)
-
-
-@pytest.mark.parametrize(
-    ("what", "expected"),
-    [
-        ("env", {"ratio_30": 0.9}),
-        ("audit", {"audit_10m_seconds": 8.0}),
-        ("film", {"states_ratio": 1.01}),
-        ("adapters", {"adapters_cost": 1.02}),
-        ("study", {"study_cpu_seconds": 9.0}),
-        ("sweep", {"sweep_ratio": 1.05}),
-        (
-            "all",
-            {
-                "ratio_30": 0.9,
-                "audit_10m_seconds": 8.0,
-                "states_ratio": 1.01,
-                "adapters_cost": 1.02,
-                "study_cpu_seconds": 9.0,
-            },
-        ),
-    ],
-)
-def test_the_command_prints_one_object_with_the_keys_of_all(what, expected, monkeypatch, capsys):
-    monkeypatch.setattr(bench.Bench, "_env", lambda self: {"ratio_30": 0.9})
-    monkeypatch.setattr(bench_audit, "measure", lambda: {"audit_10m_seconds": 8.0})
-    monkeypatch.setattr(bench_film, "measure", lambda: {"states_ratio": 1.01})
-    monkeypatch.setattr(bench_adapters, "measure", lambda: {"adapters_cost": 1.02})
-    monkeypatch.setattr(bench_sweep, "measure", lambda: {"sweep_ratio": 1.05})
-    monkeypatch.setattr(bench_study, "measure", lambda: {"study_cpu_seconds": 9.0})
-    assert bench.Bench(json=True, what=what).run("evenhand bench") == 0
-    assert json.loads(capsys.readouterr().out) == expected

@@ -1,5 +1,6 @@
 """What ``evenhand bench`` measures, and in which order; nothing is measured here."""
 
+import json
 from importlib import import_module
 
 import pytest
@@ -39,6 +40,8 @@ def test_everything(measured, capsys):
     assert Bench().run("") == 0
     assert measured == list(PARTS)
     assert capsys.readouterr().out.split() == list(PARTS)
+    assert Bench(json=True).run("") == 0
+    assert json.loads(capsys.readouterr().out) == dict.fromkeys(PARTS, 1)
 
 
 @pytest.mark.parametrize("name", PARTS)
