@@ -6,7 +6,7 @@ SHELL := /bin/bash
 BIN := .venv/bin
 # The environment with everything in it, and the last of the pages that are built with it.
 INSTALLED := .venv/.ready
-READY := src/evenhand/study/static/study.js
+READY := src/evenhand/study/server/static/study.js
 OUT ?= out/reproduce
 # What is installed; dev,sb3 has all that any test wants, and takes 5 GB more.
 EXTRAS ?= dev
@@ -47,7 +47,7 @@ check: $(READY) ## format, lint, types, imports, spelling, house rules
 	$(BIN)/pytest -q tests/contracts/test_house.py
 
 bench: $(READY) ## measure speed, side by side; beside Stable-Baselines3 after make sb3 (ARGS=--json)
-	$(BIN)/evenhand bench $(ARGS)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 docs: $(READY) ## build the documentation site, every warning an error
 	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build
@@ -63,7 +63,7 @@ lock: sb3 ## write the versions of .venv into constraints.txt
 
 clean: ## remove .venv, caches and builds; results in out/ stay
 	rm -rf docs/_build .venv .hypothesis .import_linter_cache .pytest_cache .ruff_cache build dist \
-		frontend/node_modules src/evenhand/replay/static src/evenhand/study/static
+		frontend/node_modules src/evenhand/restaurant/replay/static src/evenhand/study/server/static
 	find src tests -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): $(INSTALLED) $(shell find frontend -maxdepth 1 -type f) $(shell find frontend/src -type f)
@@ -79,5 +79,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt uv
 	$(call install,'.[$(EXTRAS)]')
 	@# machine code for this machine, as pip compiles what it installs
-	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.experiments.warm
+	@OMP_NUM_THREADS=1 $(BIN)/python -m evenhand.cli.warm_up
 	@touch $@

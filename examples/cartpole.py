@@ -19,7 +19,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from evenhand import detector
 from evenhand.adapters import (
     Ended,
     Fact,
@@ -32,7 +31,8 @@ from evenhand.adapters import (
     own_issue,
 )
 from evenhand.adapters.page import write
-from evenhand.guidance import guided
+from evenhand.methods.guidance import guided
+from evenhand.methods.paper import detector
 
 # --- what is compared: two invented identities, three issues --------------------------------------
 

@@ -26,7 +26,7 @@ from gymnasium.vector import AutoresetMode
 from evenhand.adapters import JudgeSettings, JudgeVectorServices
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
-from evenhand.guidance import guided
+from evenhand.methods.guidance import guided
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 

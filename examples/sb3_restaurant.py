@@ -25,7 +25,7 @@ from evenhand.adapters import JudgeSettings, JudgeVectorServices, Ledger
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.adapters.sb3 import EvennessCallback, restaurant
-from evenhand.guidance import guided
+from evenhand.methods.guidance import guided
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 WORLD: dict[str, Any] = {"needs": 1.0}

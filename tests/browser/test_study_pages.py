@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import expect
 
-from evenhand.study import numbers
-from evenhand.study.protocol import ClipSet, Demographic, Option
+from evenhand.study.design.protocol import ClipSet, Demographic, Option
+from evenhand.study.server import progress
 from support import study_pages as shown
 from support.studies import STUDY
 from support.study_pages import (
@@ -332,7 +332,7 @@ def test_downloading_and_withdrawing(running, opened, short):
     reaches(page, "Your answers are deleted")
     assert not page.is_visible("#rights")
     assert server.rows() == []
-    assert numbers.read(server.store, short)["real"]["counts"]["withdrawn"] == 1
+    assert progress.read(server.store, short)["real"]["counts"]["withdrawn"] == 1
     left = page.evaluate("() => Object.entries(localStorage).map((e) => e.join()).join()")
     assert not re.search("18-39|token", left), left
     page.reload()

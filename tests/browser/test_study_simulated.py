@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.study import orders, protocol_file, sending, simulate, walking
-from evenhand.study.protocol import ClipSet
+from evenhand.core.errors import InputError
+from evenhand.study.design import orders, protocol_file
+from evenhand.study.design.protocol import ClipSet
+from evenhand.study.simulated import in_browser, over_http, participants
 from support import study_pages as shown
 from support.studies import STUDY
 
@@ -17,7 +18,7 @@ from support.studies import STUDY
 clips, running, short = shown.clips, shown.running, shown.short
 pytestmark = pytest.mark.slow
 
-CAREFUL = simulate.Habits(careless=0.0, leaves=0.0, silent=0.0)
+CAREFUL = participants.Habits(careless=0.0, leaves=0.0, silent=0.0)
 NOTHING = (0.0, 0.0, 0.0, 0.0)
 UNEVEN = {"race": (0.0, 0.0, 0.0, 0.9), "age": NOTHING}
 TOML = """
@@ -54,10 +55,10 @@ def test_they_answer_in_the_pages_what_they_would_send(running, clips, browser):
     even = ClipSet("s2", ("s2a.mp4",), scores=dict.fromkeys(UNEVEN, NOTHING))
     study = replace(STUDY, clips=clips, sets=(uneven, even))
     through = []
-    for room in (walking, sending):
+    for room in (in_browser, over_http):
         server = running(study, simulated=True)
         told = []
-        where = sending.Server(server.address)
+        where = over_http.Server(server.address)
         assert room.take(where, study, 1, 5, CAREFUL, told.append) == 1
         assert told == [1]
         rows = server.rows()
@@ -72,11 +73,11 @@ def test_they_answer_in_the_pages_what_they_would_send(running, clips, browser):
 def test_who_leaves_has_sent_what_came_before(running, short, browser):
     server = running(short, simulated=True)
     leaves = replace(CAREFUL, leaves=1.0)
-    assert walking.take(sending.Server(server.address), short, 3, 2, leaves) == 0
+    assert in_browser.take(over_http.Server(server.address), short, 3, 2, leaves) == 0
     recruiting, *own = np.random.default_rng(2).spawn(4)
-    crowd = simulate.recruit(3, recruiting, leaves)
+    crowd = participants.recruit(3, recruiting, leaves)
     visits = [
-        simulate.visit(short, orders.pages(short, 0), crowd, who, own[who]) for who in range(3)
+        participants.visit(short, orders.pages(short, 0), crowd, who, own[who]) for who in range(3)
     ]
     wanted = sorted(payload["page"] for visit in visits for payload in visit.payloads)
     assert wanted  # somebody answers a page before she leaves
@@ -88,22 +89,22 @@ def test_who_leaves_has_sent_what_came_before(running, short, browser):
 def test_a_server_that_lets_none_in_says_so(running, short, browser):
     server = running(short)
     with pytest.raises(InputError, match="takes no simulated participants: start it with --allow"):
-        walking.take(sending.Server(server.address), short, 1, 0)
+        in_browser.take(over_http.Server(server.address), short, 1, 0)
     other = replace(short, name="other")
     with pytest.raises(InputError, match="runs study 'tiny', not 'other'"):
-        walking.take(sending.Server(server.address), other, 1, 0)
+        in_browser.take(over_http.Server(server.address), other, 1, 0)
 
 
 def test_what_is_not_installed_is_named(monkeypatch, tmp_path):
     wrong = tmp_path / "chromium"
     wrong.write_text("#!/bin/sh\nexit 1\n")
     wrong.chmod(0o755)
-    monkeypatch.setattr(walking.shutil, "which", lambda name: str(wrong))
+    monkeypatch.setattr(in_browser.shutil, "which", lambda name: str(wrong))
     told = "need Chromium, and none can be started"
-    with pytest.raises(InputError, match=told), walking.browser():
+    with pytest.raises(InputError, match=told), in_browser.browser():
         pass
     monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    with pytest.raises(InputError, match=r"pip install 'evenhand\[pages\]'"), walking.browser():
+    with pytest.raises(InputError, match=r"pip install 'evenhand\[pages\]'"), in_browser.browser():
         pass
 
 

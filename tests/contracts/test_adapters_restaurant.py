@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from evenhand import issues, people
 from evenhand.adapters import (
     Identity,
     JudgeServices,
@@ -12,6 +11,8 @@ from evenhand.adapters import (
     JudgeVectorServices,
     paper_scheme,
 )
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
 

@@ -70,7 +70,8 @@ def test_a_compiled_function_uses_nothing_of_another_file(path, function):
 def test_the_rule_is_broken_where_it_should_be(tmp_path):
     path = tmp_path / "room.py"
     path.write_text(
-        "from evenhand.restaurant import plan\n@compiled\ndef f(x):\n    y = plan.TIMESTEP\n"
+        "from evenhand.restaurant import floor_plan\n@compiled\ndef f(x):\n"
+        "    y = floor_plan.TIMESTEP\n"
         "    return x + y\n"
     )
     function = ast.parse(path.read_text()).body[1]

@@ -10,8 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import evenhand.restaurant  # noqa: F401 - registers the environment
-from evenhand import people
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
@@ -146,7 +146,7 @@ class TestRegistration:
         assert loaded == "[]"
 
     def test_registering_twice_changes_nothing(self):
-        from evenhand.registration import register
+        from evenhand.restaurant.registration import register
 
         before = gym.registry[ID]
         register()

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.interactions import FACTS, Interactions
+from evenhand.methods.services import FACTS, Interactions
 from evenhand.restaurant.env import RestaurantEnv
 
 

@@ -9,7 +9,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import evenhand.restaurant  # noqa: F401 - registers the environment
-from evenhand import people
+from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
 

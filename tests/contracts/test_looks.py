@@ -7,10 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.restaurant import layout, plan, scene
-from evenhand.restaurant.figures import Figures
-from evenhand.restaurant.props import INDOORS
+from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.drawing.guests import Figures
+from evenhand.restaurant.drawing.props import INDOORS
+from evenhand.restaurant.simulation import layout, scene
 
 AGES = people.IDENTITIES[2].categories
 STANDING, SEATED = -1, 0
@@ -23,18 +24,18 @@ def setups():
 
 def looking(setups, age=2, wheelchair=False, table=STANDING, skin=0, race=0, gender=0):
     """The first set-up with twelve guests who all are and sit like this."""
-    codes = np.tile([race, gender, age, 0 if wheelchair else 1, skin], (1, plan.N_GUESTS, 1))
+    codes = np.tile([race, gender, age, 0 if wheelchair else 1, skin], (1, floor_plan.N_GUESTS, 1))
     return dataclasses.replace(
         setups[:1],
         people=codes,
         shape=layout.shape_of(codes),
-        table=np.full((1, plan.N_GUESTS), table),
+        table=np.full((1, floor_plan.N_GUESTS), table),
     )
 
 
 def dressed_for(setups, row=0):
     """A dressed model that shows one service, and its data with the guests at the origin."""
-    model = copy.copy(scene.model(dressed=True))
+    model = copy.copy(dressing.model())
     Figures(model, scene.PERSON).show(setups, row)
     data = mujoco.MjData(model)
     data.mocap_pos[:] = [0.0, 0.0, scene.FOOTPRINT_HEIGHT]
@@ -107,9 +108,9 @@ def test_the_one_who_asks_and_nobody_else_raises_an_arm(setups, age, wheelchair,
     above = [
         max(data.geom_xpos[part(model, guest, f"hand_{side}"), 2] for side in ("left", "right"))
         > top_of_head(model, data, guest)
-        for guest in range(plan.N_GUESTS)
+        for guest in range(floor_plan.N_GUESTS)
     ]
-    assert above == [guest == scene.PERSON for guest in range(plan.N_GUESTS)]
+    assert above == [guest == scene.PERSON for guest in range(floor_plan.N_GUESTS)]
 
 
 @pytest.mark.parametrize("age", range(5), ids=AGES)
@@ -146,13 +147,13 @@ def test_race_and_gender_are_not_drawn_and_clothes_say_nothing(setups):
             assert np.array_equal(getattr(plain, field), getattr(other, field))
     other, _ = dressed_for(looking(setups, age=4, wheelchair=True, skin=5))
     for name in ("torso", "thigh_left", "shoe_left"):
-        for guest in range(plan.N_GUESTS):
+        for guest in range(floor_plan.N_GUESTS):
             g = part(plain, guest, name)
             assert np.array_equal(plain.geom_rgba[g], other.geom_rgba[g])
 
 
 def test_the_robot_looks_where_it_heads():
-    model = scene.model(dressed=True)
+    model = dressing.model()
     data = mujoco.MjData(model)
     data.qpos[:] = [1.0, -2.0, np.pi / 2]
     mujoco.mj_kinematics(model, data)
@@ -166,7 +167,7 @@ def test_the_robot_looks_where_it_heads():
 
 
 def test_lean_and_dressed_models_have_the_same_state():
-    lean, dressed = scene.model(), scene.model(dressed=True)
+    lean, dressed = scene.model(), dressing.model()
     for count in ("nq", "nv", "nu", "na", "nbody", "njnt", "nmocap", "nsensor", "nsensordata"):
         assert getattr(lean, count) == getattr(dressed, count)
     for kind, n in (("body", lean.nbody), ("joint", lean.njnt), ("actuator", lean.nu)):
@@ -206,7 +207,7 @@ def test_a_state_of_the_lean_model_goes_on_alike_in_the_dressed_one(setups):
 
 
 def test_looks_are_named_and_touch_nothing_and_footprints_are_hidden():
-    lean, dressed = scene.model(), scene.model(dressed=True)
+    lean, dressed = scene.model(), dressing.model()
     footprints = {lean.geom(g).name for g in range(lean.ngeom)}
     for g in range(dressed.ngeom):
         name = dressed.geom(g).name

@@ -6,18 +6,19 @@ import mujoco
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.learn import train
-from evenhand.learn.policy import Actor, PolicySettings, make_policy
-from evenhand.learn.settings import settings_of
-from evenhand.learn.view import as_network, view
-from evenhand.restaurant import driving, layout, native, needs, route, scene, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
-from evenhand.restaurant.recording import Recording
+from evenhand.methods import detector_file
+from evenhand.restaurant.scenarios import needs, sensing
+from evenhand.restaurant.simulation import driving, layout, native, route, scene, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.simulation.recording import Recording
+from evenhand.training import train
+from evenhand.training.observation import as_network, view
+from evenhand.training.policy import Actor, PolicySettings, make_policy
+from evenhand.training.settings import settings_of
 from support.setups import bumping, drawn
 
 SETTINGS = settings_of("service", "ppo", "none", epochs=2)
-MISSING = senses.SenseSettings(perception=0.8)
+MISSING = sensing.SenseSettings(perception=0.8)
 NEEDS = needs.NeedSettings(strength=0.8)
 
 
@@ -45,7 +46,7 @@ def both(
     decide = decide or task.TaskSettings()
     lanes, actor = Lanes(16, decide), Actor(made)
     ahead = serve.draw(
-        lanes, setups, np.random.default_rng(9), sense or senses.SenseSettings(), wanted
+        lanes, setups, np.random.default_rng(9), sense or sensing.SenseSettings(), wanted
     )
     slow = serve.run(
         lanes, ahead, lambda seen, _: actor.probability(view(settings, seen)), recorded=True
@@ -135,7 +136,7 @@ def test_both_files_call_the_same_the_front_of_a_seat():
 def test_a_simulation_that_breaks_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where one stands
     lanes = Lanes(4, task.TaskSettings())
-    ahead = serve.draw(lanes, drawn(4, 1), np.random.default_rng(0), senses.SenseSettings())
+    ahead = serve.draw(lanes, drawn(4, 1), np.random.default_rng(0), sensing.SenseSettings())
     ahead.setups.start[2] = np.nan
     engines = native.Engines(4, 2)
     with pytest.raises(RuntimeError, match="unstable"):
@@ -143,7 +144,7 @@ def test_a_simulation_that_breaks_is_told(tmp_path, monkeypatch):
 
 
 def test_training_is_the_same_where_the_functions_are_not_found(monkeypatch):
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
 
     def weights() -> list[np.ndarray]:
         last = list(train.train(SETTINGS, detector))[-1]

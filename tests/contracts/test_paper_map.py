@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand import issues, people
-from evenhand.experiments import calibrate, claims, reproduce, tables
-from evenhand.learn.settings import PRESETS, TrainSettings, settings_of
-from evenhand.report import figures_biased
-from evenhand.report.figures import PLATES
-from evenhand.restaurant import layout
-from evenhand.restaurant.world import World
+from evenhand.experiments.paper import calibrate, claims, reproduce, tables
+from evenhand.experiments.paper.report import figures_biased
+from evenhand.experiments.paper.report.figures import PLATES
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people
+from evenhand.restaurant.simulation import layout
+from evenhand.restaurant.simulation.world import World
+from evenhand.training.settings import PRESETS, TrainSettings, settings_of
 from support import claimed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -98,8 +99,8 @@ def test_the_search_notices_what_does_not_exist():
     assert not defined("test_issues", "test_gaps_by")
     assert not defined("sues", "test_gaps_by_hand")
     with pytest.raises(AttributeError):
-        found("issues:no_such_name")
-    assert found("issues:Thresholds.late") == 200.0
+        found("methods.paper.issues:no_such_name")
+    assert found("methods.paper.issues:Thresholds.late") == 200.0
 
 
 def test_the_page_is_read():

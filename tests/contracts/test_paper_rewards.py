@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import detector_io, guidance, issues, people
-from evenhand.learn import train
-from evenhand.learn.policy import state_values
-from evenhand.learn.settings import TrainSettings, settings_of
-from evenhand.learn.view import view
-from evenhand.restaurant import layout, task
+from evenhand.methods import detector_file, guidance
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people
+from evenhand.restaurant.simulation import layout, task
+from evenhand.training import train
+from evenhand.training.observation import view
+from evenhand.training.policy import state_values
+from evenhand.training.settings import TrainSettings, settings_of
 
 PEOPLE = 12
 
@@ -30,7 +32,7 @@ def one_epoch(settings: TrainSettings, monkeypatch) -> tuple[train.EpochRecord, 
         return update(state, trajectories, advantage, target, chosen, rng, fair, anchor)
 
     monkeypatch.setattr(train, "update", catch)
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
     return next(train.train(settings, detector)), caught[0]
 
 
@@ -98,7 +100,7 @@ def test_preset_service_adds_evenness_to_the_quality_of_service(weight, monkeypa
 
 def test_only_what_the_detector_was_taught_is_judged(monkeypatch):
     record, _ = one_epoch(settings("paper"), monkeypatch)
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
     assert detector.identities == ("race", "gender", "age", "disability")
     scores = issues.score(record.interactions).by_identity
     each = [float(detector.probability(scores[name])) for name in detector.identities]

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from evenhand import issues, people
-from evenhand.film import study as questionnaire
-from evenhand.study import protocol_file
+from evenhand.experiments.paper import questionnaire_clips as questionnaire
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people
+from evenhand.study.design import protocol_file
 
 pytestmark = pytest.mark.slow
 

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from evenhand import issues, people, robots
-from evenhand.restaurant import layout, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 
 @pytest.mark.parametrize("population", list(people.POPULATIONS))
@@ -14,7 +16,7 @@ def test_the_even_robot_serves_perfectly_and_touches_nobody(population):
     setups = layout.draw(people.population(population), 2000, rng)
     robot = robots.ScriptedRobot("even").robot(setups.asking, rng)
     lanes = Lanes(200, task.TaskSettings())
-    done = serve.serve(lanes, setups, robot, rng, senses.SenseSettings())
+    done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings())
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="even")
     none = (issues.indicators(table) == 0.0).all(axis=1)
     untouched = table.fact("contact_steps") == 0

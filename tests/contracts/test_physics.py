@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand import people
-from evenhand.restaurant import layout, plan, scene
-from evenhand.restaurant.world import World, simulation_of
+from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.simulation import layout, scene
+from evenhand.restaurant.simulation.world import World, simulation_of
 from support.setups import bumping, crowded, drawn
 
 LEAN = scene.model()
@@ -34,11 +35,11 @@ class Plain:
 
     def __init__(self, setups: layout.Setups, row: int) -> None:
         self.model = copy.copy(LEAN)
-        for i in range(plan.N_GUESTS):
+        for i in range(floor_plan.N_GUESTS):
             self.model.geom(f"guest{i}_footprint").size[0] = setups.radius[row, i]
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = (*setups.start[row], setups.heading[row])
-        for i in range(plan.N_GUESTS):
+        for i in range(floor_plan.N_GUESTS):
             half = setups.facing[row, i] / 2
             self.data.mocap_pos[i] = (*setups.position[row, i], 0.30)
             self.data.mocap_quat[i] = (np.cos(half), 0, 0, np.sin(half))
@@ -202,7 +203,7 @@ class TestDriving:
 
     def test_it_arrives_and_stops_before_the_person_without_a_push(self, driven):
         setups, world, speeds, *_ = driven
-        gap = world.truth["distance"] - setups.radius[:, 0] - plan.ROBOT_RADIUS
+        gap = world.truth["distance"] - setups.radius[:, 0] - floor_plan.ROBOT_RADIUS
         assert gap == pytest.approx(np.full(DRIVEN, 0.02), abs=1e-3)
         assert world.truth["contact_steps"].sum() == 0
         assert np.hypot(speeds[-1, :, 0], speeds[-1, :, 1]).max() < 1e-3
@@ -224,7 +225,7 @@ class TestScene:
     @pytest.mark.parametrize("dressed", [False, True])
     @pytest.mark.parametrize("kind", KINDS)
     def test_everything_has_a_name_of_its_own(self, kind, dressed):
-        given = names(scene.model(dressed), kind)
+        given = names((dressing.model() if dressed else scene.model()), kind)
         assert None not in given
         assert len(set(given)) == len(given)
 
@@ -256,7 +257,7 @@ class TestScene:
             np.testing.assert_array_equal(ours.geom(name).xpos, theirs.geom(name).xpos)
 
     def test_the_dressed_model_has_the_same_state(self):
-        dressed = scene.model(dressed=True)
+        dressed = dressing.model()
         for size in ("nq", "nv", "nu", "na", "nmocap", "nsensor", "nsensordata", "nbody", "njnt"):
             assert getattr(dressed, size) == getattr(LEAN, size), size
         for kind in ("body", "joint", "actuator", "sensor"):
@@ -266,13 +267,13 @@ class TestScene:
 
     def test_the_dressed_model_moves_alike(self):
         setups = bumping(2, seed=8)
-        dressed = copy.copy(scene.model(dressed=True))
+        dressed = copy.copy(dressing.model())
         for row in range(2):
             plain = Plain(setups, row)
             data = mujoco.MjData(dressed)
             data.qpos[:] = plain.data.qpos
             data.mocap_pos[:] = plain.data.mocap_pos
-            for i in range(plan.N_GUESTS):
+            for i in range(floor_plan.N_GUESTS):
                 dressed.geom(f"guest{i}_footprint").size[0] = setups.radius[row, i]
             for step in range(150):
                 command = np.array([np.cos(step / 30), np.sin(step / 30), 0.5])
@@ -296,7 +297,7 @@ class TestScene:
                 data = mujoco.MjData(LEAN)
                 mujoco.mj_forward(LEAN, data)
                 assert data.geom(name).xpos[2] == pytest.approx(0.30)
-        assert robot.size[0] == plan.ROBOT_RADIUS
+        assert robot.size[0] == floor_plan.ROBOT_RADIUS
 
     def test_the_robot_weighs_what_the_plan_says(self):
         assert LEAN.body("robot").mass == pytest.approx(40.0)
@@ -323,7 +324,7 @@ class TestSetups:
         assert air[:, ~np.eye(12, dtype=bool)].min() > 0.0
 
     def test_guests_do_not_stand_in_furniture_or_walls(self, setups):
-        furniture = np.concatenate([plan.TABLES, plan.CHAIRS])
+        furniture = np.concatenate([floor_plan.TABLES, floor_plan.CHAIRS])
         radius = np.concatenate([np.full(8, 0.40), np.full(16, 0.20)])
         air = gaps(setups.position, furniture[None], setups.radius[:, :, None] + radius)
         assert air.min() > 0.0
@@ -331,7 +332,7 @@ class TestSetups:
 
     def test_the_robot_starts_free(self, setups):
         start = setups.start[:, None]
-        furniture = np.concatenate([plan.TABLES, plan.CHAIRS])
+        furniture = np.concatenate([floor_plan.TABLES, floor_plan.CHAIRS])
         radius = np.concatenate([np.full(8, 0.40), np.full(16, 0.20)])
         assert gaps(start, furniture[None], radius[None, None] + 0.20).min() > 0.0
         assert gaps(start, setups.position, setups.radius[:, None] + 0.20).min() > 0.0
@@ -358,7 +359,7 @@ class TestSetups:
 
     def test_seats_are_at_their_tables(self, setups):
         seated = setups.table >= 0
-        away = setups.position[seated] - plan.TABLES[setups.table[seated]]
+        away = setups.position[seated] - floor_plan.TABLES[setups.table[seated]]
         np.testing.assert_allclose(np.hypot(*away.T), 0.72, atol=0.05)
         # and look at them
         looks = np.stack([np.cos(setups.facing[seated]), np.sin(setups.facing[seated])], axis=1)

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from evenhand import people, registration
-from evenhand.errors import InputError
-from evenhand.restaurant import dressing, layout, plan, scene
+from evenhand.core.errors import InputError
+from evenhand.restaurant import floor_plan, people, registration
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.drawing.renderer import Screen
 from evenhand.restaurant.env import RestaurantEnv
-from evenhand.restaurant.screen import Screen
+from evenhand.restaurant.simulation import layout
 
 SMALL = (160, 120)
 
@@ -155,7 +156,7 @@ def test_without_egl_the_missing_packages_are_named_and_nothing_else_breaks():
     program = """
 import os, sys
 sys.modules["mujoco.egl"] = None
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 from evenhand.restaurant.env import RestaurantEnv
 try:
     RestaurantEnv(render_mode="rgb_array")
@@ -181,9 +182,9 @@ print(os.environ.get("MUJOCO_GL"))
 
 
 def test_the_room_camera_shows_the_whole_room(setups):
-    model = copy.copy(scene.model(dressed=True))
+    model = copy.copy(dressing.model())
     dressing.aim(model, "room", setups.start[0], setups.position[0], setups.start[0])
-    x, y = plan.ROOM
+    x, y = floor_plan.ROOM
     floor = [(sx * x, sy * y, 0.0) for sx in (-1, 1) for sy in (-1, 1)]
     heads = [(sx * x, sy * y, 1.9) for sx in (-1, 1) for sy in (-1, 1)]
     at = on_picture(model, "room", np.array(floor + heads))
@@ -193,13 +194,13 @@ def test_the_room_camera_shows_the_whole_room(setups):
 
 @pytest.mark.parametrize("camera", ["robot", "guest"])
 def test_the_other_cameras_stay_in_the_room_and_show_robot_and_person(setups, camera):
-    model = copy.copy(scene.model(dressed=True))
+    model = copy.copy(dressing.model())
     for row in range(len(setups)):
         person, start = setups.position[row, 0], setups.start[row]
         for share in (0.0, 0.5):
             robot = start + share * (person - start)
             dressing.aim(model, camera, robot, setups.position[row], start)
             eye = model.cam_pos[model.camera(camera).id]
-            assert (np.abs(eye[:2]) < plan.ROOM).all()
+            assert (np.abs(eye[:2]) < floor_plan.ROOM).all()
             both = np.array([[*robot, 1.1], [*person, 1.0]])
             assert (np.abs(on_picture(model, camera, both)) < 1.0).all()

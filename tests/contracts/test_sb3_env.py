@@ -9,7 +9,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
 from support.extras import wanted

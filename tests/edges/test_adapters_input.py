@@ -6,9 +6,9 @@ import pytest
 from gymnasium.vector import SyncVectorEnv
 
 from evenhand.adapters import Ended, JudgeServices, JudgeVectorServices, invented
-from evenhand.adapters.people import Queue
-from evenhand.adapters.told import checked
-from evenhand.errors import InputError
+from evenhand.adapters.check_facts import checked
+from evenhand.adapters.sampler import Queue
+from evenhand.core.errors import InputError
 from support.toys import SCHEME, Toy, facts_of
 
 N = 3

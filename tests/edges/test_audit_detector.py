@@ -2,7 +2,7 @@
 
 import json
 
-from evenhand import detector_io
+from evenhand.methods import detector_file
 
 
 def judged(cli, path, *words):
@@ -15,10 +15,10 @@ def judged(cli, path, *words):
 def test_an_audit_asks_the_detector_that_is_given(cli, tmp_path):
     assert cli("example", "fleet.csv", "--services", 900).code == 0
     usual = judged(cli, tmp_path)
-    assert judged(cli, tmp_path, "--detector", detector_io.SHIPPED) == usual
+    assert judged(cli, tmp_path, "--detector", detector_file.SHIPPED) == usual
 
     # one that is never sure enough, and one that always is
-    given = json.loads(detector_io.SHIPPED.read_text(encoding="utf-8"))
+    given = json.loads(detector_file.SHIPPED.read_text(encoding="utf-8"))
     found = {}
     for threshold in (0.0001, 0.9999):
         path = tmp_path / f"at-{threshold}.json"
@@ -29,7 +29,7 @@ def test_an_audit_asks_the_detector_that_is_given(cli, tmp_path):
 
 def test_whose_judgements_a_detector_learned_is_told(cli, tmp_path):
     assert cli("example", "fleet.csv", "--services", 900).code == 0
-    given = json.loads(detector_io.SHIPPED.read_text(encoding="utf-8"))
+    given = json.loads(detector_file.SHIPPED.read_text(encoding="utf-8"))
     for source in ("simulated respondents", "respondents"):
         path = tmp_path / "own.json"
         path.write_text(json.dumps(given | {"source": source}), encoding="utf-8")

@@ -15,12 +15,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from evenhand.audits import readers, sources
-from evenhand.audits.counting import tally
-from evenhand.audits.expressions import facts
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.sources import open_source
-from evenhand.errors import InputError
+from evenhand.audits.count.count import tally
+from evenhand.audits.read import engines, sources
+from evenhand.audits.read.facts import facts
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.sources import open_source
+from evenhand.core.errors import InputError
 
 # Ibis calls DuckDB by a name that DuckDB has given up.
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
@@ -190,7 +190,7 @@ def attempt(run, path):
 @pytest.fixture(scope="module")
 def engine():
     """One engine for all files: to start thousands would take minutes."""
-    shared = readers.engine()
+    shared = engines.engine()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sources, "engine", lambda *_: shared)
         yield shared

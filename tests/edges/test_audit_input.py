@@ -5,9 +5,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.audits.sources import open_source
-from evenhand.audits.textfiles import PIECE, check_delimited
-from evenhand.errors import InputError
+from evenhand.audits.read.sources import open_source
+from evenhand.audits.read.strict_csv import PIECE, check_delimited
+from evenhand.core.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 

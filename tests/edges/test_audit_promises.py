@@ -17,7 +17,7 @@ import pytest
 from evenhand.audits import api
 from evenhand.audits.example import synthetic_log
 from evenhand.cli import parse
-from evenhand.commands.audit import Audit
+from evenhand.cli.audit import Audit
 
 QUICK = ("--permutations", 200)
 GOOD = b"gender,age,responded,wait,distance\n" + b"f,30,yes,1.5,1.2\nm,40,no,,\n" * 10
@@ -116,7 +116,7 @@ def test_a_good_audit_says_nothing_on_standard_error(apart, tmp_path, name):
 
 SCRIPT = """
 import evenhand
-from evenhand.audits.sources import open_source
+from evenhand.audits.read.sources import open_source
 
 kept = open_source("log.csv")
 found = evenhand.audit("log.csv")

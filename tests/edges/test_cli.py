@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from evenhand.cli import COMMANDS, GROUPS, parse
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 from evenhand.experiments.settings import PRESETS
-from evenhand.guidance import GuidanceSettings
-from evenhand.learn.settings import PRESETS as LEARNED
-from evenhand.learn.settings import TrainSettings
+from evenhand.methods.guidance import GuidanceSettings
+from evenhand.training.settings import PRESETS as LEARNED
+from evenhand.training.settings import TrainSettings
 
 TRAIN = ("train", "--out", "x")
 REPRODUCE = ("reproduce", "--out", "x")
@@ -34,7 +34,7 @@ LEAVES = {
 
 def command_of(room: str) -> type:
     module, _, name = room.partition(".")
-    return getattr(import_module(f"evenhand.commands.{module}"), name)
+    return getattr(import_module(f"evenhand.cli.{module}"), name)
 
 
 # --- one sentence for everything that cannot be meant ---
@@ -107,8 +107,6 @@ NUMBERS = [
     (("calibrate", "--rounds", "0"), "rounds is 0: give a whole number from 1 to 1000"),
     (("calibrate", "--services", "29"), "services is 29: give a whole number from 30 to 100000"),
     (("calibrate", "--windows", "19"), "windows is 19: give a whole number from 20 to 10000"),
-    (("bench", "--seconds", "nan"), "seconds is nan: give 0.01 to 600"),
-    (("bench", "--seconds", "0"), "seconds is 0.0: give 0.01 to 600"),
     (("detect", "judge", "--scores", "0", "0", "0", "x"), "--scores is 'x': give a number"),
     (("detect", "judge", "--scores", "50", "0", "0", "0"), "use shares, not percent"),
     (("detect", "judge", "--scores", "0", "0", "0", "inf"), "use shares, not percent"),
@@ -123,7 +121,6 @@ SHAPES = [
     (("train", "--out", "--seed", "1"), "--out needs a value"),
     ((*TRAIN, "epochs", "3"), "too many words after --out: x epochs 3"),
     (("train", "epochs", "3", "--out", "x"), "unexpected word 'epochs': did you mean --epochs?"),
-    (("bench", "now"), "unexpected word 'now': options begin with --"),
     (("detect", "judge", "--scores", "1", "2", "3"), "--scores needs 4 values, and 3 follow it"),
     (("detect", "judge", *("--scores", *"01111")), "too many words after --scores: 0 1 1 1 1"),
     (("evaluate",), "name either the folder of a run or a scripted robot with --robot"),
@@ -233,7 +230,7 @@ def test_the_overview_names_every_command(cli, words):
     assert [line.split()[0] for line in shown.out.splitlines() if line.startswith("  ")] == [
         "reproduce", "train", "evaluate", "film", "compare", "sweep", "audit", "watch", "example",
         "demos", "alarms", "calibrate", "detect", "study", "replay", "view", "curves", "minari",
-        "card", "bench",
+        "card",
     ]  # fmt: skip
 
 

@@ -100,8 +100,8 @@ def test_a_full_disk(apart, tmp_path, monkeypatch):
 STUB = """
 import atexit, os, signal, sys, time
 from evenhand import cli
-from evenhand.commands import interrupts
-from evenhand.errors import WorkerLostError
+from evenhand.cli import interrupts
+from evenhand.core.errors import WorkerLostError
 
 class Dying:
     def __del__(self):  # what is raised in here is lost

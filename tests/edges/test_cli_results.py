@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from evenhand.commands.evaluate import told
-from evenhand.robots import BIASES
+from evenhand.cli.evaluate import told
+from evenhand.restaurant.robots import BIASES
 
 
 @pytest.mark.slow

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.detector_io import SHIPPED
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
-from evenhand.learn import run, train
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.methods.detector_file import SHIPPED
+from evenhand.methods.services import Interactions
+from evenhand.training import run_folder, train
+from evenhand.training.settings import settings_of
 
 ANSWERS = """willingness,quality,priority,risk,biased,discrimination,respondent
 0.1,0.1,0.0,0.0,no,,ann
@@ -75,7 +75,7 @@ def test_answers_of_people_become_a_detector(cli, tmp_path):
     ended = cli("detect", "fit", "--answers", "answers.csv", "--out", "new/d.json")
     assert (ended.code, ended.err) == (0, "")
     assert "Detector fitted to 10 judgements of respondents, out of fold" in ended.out
-    fitted = detector_io.load(tmp_path / "new" / "d.json")
+    fitted = detector_file.load(tmp_path / "new" / "d.json")
     assert (fitted.rows, fitted.source) == (10, "respondents")
     assert fitted.kinds == ("ableism", "ageism", "racism")
     scores = ("0.1", "0.7", "0", "0")
@@ -141,10 +141,10 @@ def test_a_detector_of_something_else_trains_nobody(cli, tmp_path, changes, said
     words = ("train", "--out", "run", "--detector", "d.json", "--log", "tensorboard")
     assert cli(*words).complaint == said
     assert not (tmp_path / "run").exists()
-    detector = detector_io.load(tmp_path / "d.json")
+    detector = detector_file.load(tmp_path / "d.json")
     settings = settings_of("service", "ppo", "none", epochs=2)
     with pytest.raises(InputError) as caught:
-        run.execute(tmp_path / "run", settings, detector)
+        run_folder.execute(tmp_path / "run", settings, detector)
     assert str(caught.value) == said
     with pytest.raises(InputError):
         next(train.train(settings, detector))
@@ -258,7 +258,7 @@ def test_demonstrations_are_judged_and_a_detector_is_fitted_to_them(cli, tmp_pat
     assert (ended.code, ended.err) == (0, "")
     # but for one window, a score of which Eq. 1 cannot say
     assert "Detector fitted to 99 judgements of simulated respondents" in ended.out
-    fitted = detector_io.load(tmp_path / "d.json")
+    fitted = detector_file.load(tmp_path / "d.json")
     assert (fitted.rows, fitted.source) == (99, "simulated respondents")
     assert set(fitted.kinds) <= {"racism", "sexism", "ageism", "ableism"}
     assert {"racism", "ageism"} <= set(fitted.kinds)

@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import pytest
 
-from evenhand import detector_io
-from evenhand.learn import run
-from evenhand.learn.settings import settings_of
+from evenhand.methods import detector_file
+from evenhand.training import run_folder
+from evenhand.training.settings import settings_of
 
 ROBOT = ("film", "--robot", "even", "--services", "3")
 SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=2), people=3)
 
 
 def execute(folder, recorded):
-    run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED), recorded=recorded)
+    run_folder.execute(
+        folder, SETTINGS, detector_file.load(detector_file.SHIPPED), recorded=recorded
+    )
     return folder
 
 
@@ -77,7 +79,7 @@ def test_a_run_without_states(cli, tmp_path):
 def test_a_run_whose_facts_lag_behind_its_states(cli, tmp_path, trained):
     folder = tmp_path / "run"
     shutil.copytree(trained, folder)
-    from evenhand.interactions import Interactions
+    from evenhand.methods.services import Interactions
 
     path = next((folder / "services").glob("*.parquet"))
     Interactions.read_parquet(path).take(range(3)).write_parquet(path)  # type: ignore[arg-type]

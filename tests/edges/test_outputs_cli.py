@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 import yaml
 
-from evenhand import detector_io
-from evenhand.commands.card import repeating
-from evenhand.commands.train import Train
-from evenhand.interactions import Interactions
-from evenhand.learn import run
-from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.cli.card import repeating
+from evenhand.cli.train import Train
+from evenhand.methods import detector_file
+from evenhand.methods.services import Interactions
+from evenhand.training import run_folder
+from evenhand.training.settings import TrainSettings, settings_of
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory) -> Path:
     """A folder with two small runs in it."""
     root = tmp_path_factory.mktemp("outputs")
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
     for seed in (0, 1):
         words = Train(root, algorithm="reinforce", guidance="levelup", people=4, epochs=2)
         settings = replace(words, seed=seed).settings()
-        run.execute(root / "runs" / f"seed-{seed}", settings, detector)
+        run_folder.execute(root / "runs" / f"seed-{seed}", settings, detector)
     return root
 
 
@@ -84,7 +84,7 @@ def test_the_code_of_a_robots_card_runs(cli, trained, tmp_path):
 
 
 def test_a_card_of_a_detector(cli, tmp_path):
-    made = cli("card", detector_io.SHIPPED, "--out", "d.md", "--name", "Judge")
+    made = cli("card", detector_file.SHIPPED, "--out", "d.md", "--name", "Judge")
     assert (made.code, made.out) == (0, "d.md\n")
     page = (tmp_path / "d.md").read_text()
     assert "| judgements | 1000 |" in page

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from evenhand.replay import page
+from evenhand.restaurant.replay import page
 from support import replayed
 
 

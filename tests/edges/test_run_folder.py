@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand import detector_io, files
-from evenhand.errors import InputError
-from evenhand.learn import run
-from evenhand.learn.settings import TrainSettings, settings_of
+from evenhand.core import files
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.training import run_folder
+from evenhand.training.settings import TrainSettings, settings_of
 
 SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=5), people=3)
 EVERY = 2
@@ -21,11 +22,11 @@ EVERY = 2
 
 @pytest.fixture(scope="module")
 def detector():
-    return detector_io.load(detector_io.SHIPPED)
+    return detector_file.load(detector_file.SHIPPED)
 
 
 def execute(folder: Path, detector, settings: TrainSettings = SETTINGS, progress=None) -> None:
-    run.execute(folder, settings, detector, every=EVERY, progress=progress, recorded=True)
+    run_folder.execute(folder, settings, detector, every=EVERY, progress=progress, recorded=True)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def half(tmp_path, detector) -> Path:
 
 class TestFolder:
     def test_threads_change_no_bit(self, tmp_path, undisturbed, detector):
-        run.execute(tmp_path, SETTINGS, detector, every=EVERY, recorded=True, threads=2)
+        run_folder.execute(tmp_path, SETTINGS, detector, every=EVERY, recorded=True, threads=2)
         there = [path for path in undisturbed.rglob("[!.]*") if path.is_file()]
         assert len(there) > 6
         for path in there:
@@ -77,18 +78,18 @@ class TestFolder:
         assert noted["settings"]["people"] == 3
         assert noted["seed"] == 0
         assert noted["versions"]["mujoco"].startswith("4.")
-        assert [line["epoch"] for line in run.read_epochs(undisturbed)] == [0, 1, 2, 3, 4]
-        table = run.read_services(undisturbed)
+        assert [line["epoch"] for line in run_folder.read_epochs(undisturbed)] == [0, 1, 2, 3, 4]
+        table = run_folder.read_services(undisturbed)
         assert table.fact("service").tolist() == list(range(15))
         assert table.fact("epoch").tolist() == np.repeat(range(5), 3).tolist()
-        assert detector_io.load(undisturbed / "detector.json") == detector_io.load(
-            detector_io.SHIPPED
+        assert detector_file.load(undisturbed / "detector.json") == detector_file.load(
+            detector_file.SHIPPED
         )
 
     def test_a_finished_run_stays_as_it_is(self, undisturbed, detector, content):
         before = content(undisturbed)
         told: list[dict] = []
-        run.execute(undisturbed, SETTINGS, detector, every=EVERY, progress=told.append)
+        run_folder.execute(undisturbed, SETTINGS, detector, every=EVERY, progress=told.append)
         assert content(undisturbed) == before
         assert told == [{"services": 15, "physics_steps": 0}]
 
@@ -158,7 +159,7 @@ class TestStoppedAnywhere:
     def test_what_was_begun_after_the_checkpoint_is_done_again(
         self, half, undisturbed, detector, content
     ):
-        assert len(run.read_epochs(half)) == 4
+        assert len(run_folder.read_epochs(half)) == 4
         with (half / "epochs.jsonl").open("a") as log:
             log.write('{"epoch": 4, "total": 0.1')
         (half / "services" / "000004-000005.parquet").write_bytes(b"PAR1 half")
@@ -314,11 +315,11 @@ def test_a_damaged_run_is_refused_and_left_alone(half, detector, content, spoil,
 def test_a_run_of_another_version_cannot_be_evaluated(half):
     def rename(content: dict) -> None:
         content["settings"]["patience"] = content["settings"].pop("threshold")
-        content["fingerprints"]["settings"] = run.checkpoint.fingerprint(content["settings"])
+        content["fingerprints"]["settings"] = run_folder.checkpoint.fingerprint(content["settings"])
 
     edit_settings(rename)(half)
     with pytest.raises(InputError, match="differs in patience, threshold: use that version"):
-        run.load_policy(half)
+        run_folder.load_policy(half)
 
 
 def test_a_missing_detector_is_written_again(half, undisturbed, detector, content):

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.learn import checkpoint, imitate, run, train
-from evenhand.learn.settings import TrainSettings, settings_of
-from evenhand.reflection import ReflectionSettings
+from evenhand.methods import detector_file
+from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.training import checkpoint, imitation, run_folder, train
+from evenhand.training.settings import TrainSettings, settings_of
 
 EVERY = 2
 BASE = replace(
@@ -32,12 +32,12 @@ METHODS: dict[str, TrainSettings] = {
 
 @pytest.fixture(scope="module")
 def detector():
-    return detector_io.load(detector_io.SHIPPED)
+    return detector_file.load(detector_file.SHIPPED)
 
 
 @pytest.fixture(autouse=True)
 def few_demonstrations(monkeypatch) -> None:
-    monkeypatch.setattr(imitate, "SERVICES", 60)
+    monkeypatch.setattr(imitation, "SERVICES", 60)
 
 
 def stopped(folder: Path, settings: TrainSettings, detector, epoch: int) -> None:
@@ -48,20 +48,20 @@ def stopped(folder: Path, settings: TrainSettings, detector, epoch: int) -> None
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run.execute(folder, settings, detector, every=EVERY, progress=stop)
+        run_folder.execute(folder, settings, detector, every=EVERY, progress=stop)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", METHODS)
 def test_stopped_and_resumed_is_as_undisturbed(name, detector, tmp_path, content):
     settings = METHODS[name]
-    run.execute(tmp_path / "calm", settings, detector, every=EVERY)
+    run_folder.execute(tmp_path / "calm", settings, detector, every=EVERY)
     calm = content(tmp_path / "calm")
     # in the third epoch, after the checkpoint of two
     stopped(tmp_path / "half", settings, detector, epoch=2)
     lines = (tmp_path / "half" / "epochs.jsonl").read_bytes().splitlines(keepends=True)
     assert len(lines) == 2
-    run.execute(tmp_path / "half", settings, detector, every=EVERY)
+    run_folder.execute(tmp_path / "half", settings, detector, every=EVERY)
     resumed = content(tmp_path / "half")
     assert len(calm["epochs.jsonl"].splitlines()) == 4
     assert resumed["epochs.jsonl"] == calm["epochs.jsonl"]
@@ -78,8 +78,8 @@ def test_it_is_the_past_that_makes_it_the_same(detector, tmp_path, monkeypatch):
             tmp_path / name / "checkpoint.npz",
             train.untrained(settings),
             {
-                "settings": checkpoint.fingerprint(run.as_dict(settings)),
-                "detector": checkpoint.fingerprint(run.as_dict(detector)),
+                "settings": checkpoint.fingerprint(run_folder.as_dict(settings)),
+                "detector": checkpoint.fingerprint(run_folder.as_dict(detector)),
             },
         )
         past = train.Past.of(kept.extra["past"], settings)

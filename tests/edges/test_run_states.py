@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.errors import InputError
-from evenhand.learn import run, states
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.training import recordings, run_folder
+from evenhand.training.settings import settings_of
 
 SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=3), people=4)
 
@@ -18,12 +18,14 @@ SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=3), peo
 def folder(tmp_path_factory) -> Path:
     """A finished run of 12 services, with a checkpoint every second epoch."""
     out = tmp_path_factory.mktemp("states") / "run"
-    run.execute(out, SETTINGS, detector_io.load(detector_io.SHIPPED), every=2, recorded=True)
+    run_folder.execute(
+        out, SETTINGS, detector_file.load(detector_file.SHIPPED), every=2, recorded=True
+    )
     return out
 
 
 def test_every_service_was_recorded_as_it_ended(folder):
-    seen, table = states.read(folder), run.read_services(folder)
+    seen, table = recordings.read(folder), run_folder.read_services(folder)
     np.testing.assert_array_equal(seen.number, table.fact("service"))
     np.testing.assert_array_equal(seen.frames, table.fact("steps") // 5 + 1)
     np.testing.assert_allclose(seen.distance[:, 0], table.fact("start_distance"), atol=0.001)
@@ -32,27 +34,27 @@ def test_every_service_was_recorded_as_it_ended(folder):
 
 
 def test_services_come_in_the_order_that_was_asked_for(folder):
-    seen = states.read(folder, [9, 0])
+    seen = recordings.read(folder, [9, 0])
     assert seen.number.tolist() == [9, 0]
-    whole = states.read(folder)
+    whole = recordings.read(folder)
     np.testing.assert_array_equal(seen.pose[0], whole.pose[9])
 
 
 def test_recording_is_no_setting_and_changes_no_bit(folder, tmp_path):
     """The same run without states: everything else is the same, and nothing can be drawn."""
     plain = tmp_path / "plain"
-    run.execute(plain, SETTINGS, detector_io.load(detector_io.SHIPPED), every=2)
+    run_folder.execute(plain, SETTINGS, detector_file.load(detector_file.SHIPPED), every=2)
     for path in sorted(plain.rglob("*")):
         if path.is_file() and path.name != ".lock":
             assert path.read_bytes() == (folder / path.relative_to(plain)).read_bytes(), path
     with pytest.raises(InputError, match=r"plain has no states to draw: .*--no-states"):
-        states.read(plain)
+        recordings.read(plain)
 
 
 def test_what_is_not_there_is_said(folder, tmp_path):
     with pytest.raises(
         InputError, match=r"service 12 was not recorded: there are services 0 to 11"
     ):
-        states.read(folder, [3, 12])
+        recordings.read(folder, [3, 12])
     with pytest.raises(InputError, match=r"holds no run"):
-        states.read(tmp_path)
+        recordings.read(tmp_path)

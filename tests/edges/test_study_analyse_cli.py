@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from evenhand import detector_io
-from evenhand.study import analysis_figures, protocol_file
-from evenhand.study import answers as forms
-from evenhand.study.answers import Answers
+from evenhand.methods import detector_file
+from evenhand.study.analysis import answers as forms
+from evenhand.study.analysis import figures
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.design import protocol_file
 from support.answered import judged, row
 
 PAPER = protocol_file.PAPER
@@ -17,12 +18,12 @@ PAPER = protocol_file.PAPER
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory) -> Path:
     """Answers of 24 simulated participants to the paper's study."""
-    from evenhand.study import simulate
+    from evenhand.study.simulated import participants
 
     study, _ = protocol_file.examine(PAPER, look=False)
     assert study is not None
     path = tmp_path_factory.mktemp("trial") / "trial.csv"
-    forms.write(simulate.answers(study, 24, 0), path)
+    forms.write(participants.answers(study, 24, 0), path)
     return path
 
 
@@ -37,7 +38,7 @@ def test_from_simulated_participants_to_a_detector(cli, tmp_path):
     assert "judgements of simulated respondents" in " ".join(done.out.split())
     assert "on participants it never saw" in done.out
     assert "on sets it never saw" in done.out
-    fitted = detector_io.load(tmp_path / "d" / "detector.json")
+    fitted = detector_file.load(tmp_path / "d" / "detector.json")
     assert fitted.source == "simulated respondents"
 
     # what `train --detector` and `audit --detector` do with it begins like this
@@ -102,7 +103,7 @@ def test_answers_to_a_study_that_was_changed_since_are_refused(cli, trial, tmp_p
 
 
 def test_the_flagged_can_be_left_out(cli, trial, tmp_path, monkeypatch):
-    monkeypatch.setattr(analysis_figures, "draw_all", lambda part, found: [])  # only words here
+    monkeypatch.setattr(figures, "draw_all", lambda part, found: [])  # only words here
     options = ("--permutations", 99, "--out", "report")
     cli("study", "analyse", trial, "--protocol", PAPER, *options)
     kept = json.loads((tmp_path / "report" / "manifest.json").read_text())["participants"]
@@ -165,4 +166,4 @@ def test_people_and_simulated_ones_are_fitted_to_when_asked(cli, trial):
     words = ("study", "fit", "mixed.csv", "--protocol", PAPER, "--out", "d.json")
     assert "choose with --who people, simulated or both" in cli(*words).complaint
     assert cli(*words, "--who", "both").code == 0
-    assert detector_io.load("d.json").source == "simulated respondents"
+    assert detector_file.load("d.json").source == "simulated respondents"

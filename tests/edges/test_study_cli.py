@@ -7,8 +7,9 @@ import sys
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.study import participating, protocol_file
-from evenhand.study.store import opened
+from evenhand.study.design import protocol_file
+from evenhand.study.server import participants
+from evenhand.study.server.open_store import open_store
 from support.studies import FILM, Browser, served
 
 FILLED = re.compile(r"\[\[(?!(?:sets|demographics|questions|checks|pairs)\]\])[^\[\]]+\]\]")
@@ -199,8 +200,8 @@ def test_a_backup_is_a_study_of_its_own(cli, tmp_path, answered):
 
 def test_an_export_while_the_study_runs(cli, tmp_path, answered):
     study = protocol_file.read(tmp_path / "my.toml")
-    running = opened(str(answered), study)
-    participating.begin(running, study, "template-1")
+    running = open_store(str(answered), study)
+    participants.begin(running, study, "template-1")
     assert cli("study", "export", "my.toml").code == 0
     running.dispose()
 

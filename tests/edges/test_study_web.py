@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.study.store import opened
-from evenhand.study.web.app import build
-from evenhand.study.web.desk import Settings, admin_token
-from evenhand.study.web.limits import Limits, Rate
-from evenhand.study.web.security import LARGEST
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.web.app import build
+from evenhand.study.server.web.desk import Settings, admin_token
+from evenhand.study.server.web.limits import Limits, Rate
+from evenhand.study.server.web.security import LARGEST
 from support.studies import ADMIN, ANSWERS, LEAD, STUDY, Browser, Clock, pragma, sent, served
 
 
@@ -333,7 +333,7 @@ def test_a_defect_is_told_without_details(app, caplog, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("with a secret in it")
 
-    monkeypatch.setattr("evenhand.study.participating.state", broken)
+    monkeypatch.setattr("evenhand.study.server.participants.state", broken)
     told = wrong(browser("GET", "/api/state"), 500, "internal")
     assert "secret" not in told.text
     assert told.headers["x-content-type-options"] == "nosniff"
@@ -341,7 +341,7 @@ def test_a_defect_is_told_without_details(app, caplog, monkeypatch):
 
 
 def test_a_full_database_is_told_and_answers_can_be_sent_again(study, tmp_path: Path, caplog):
-    kept = opened(str(tmp_path / "s.db"), study, clock=Clock(), wait=0.1)
+    kept = open_store(str(tmp_path / "s.db"), study, clock=Clock(), wait=0.1)
     browser = Browser(build(study, kept, Settings("")))
     browser.begin()
     pragma(kept, "query_only=ON")

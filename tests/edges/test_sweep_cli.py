@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from evenhand.experiments import sweep_ray
+from evenhand.experiments.sweep import ray
 
 GOOD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
 
@@ -108,7 +108,7 @@ def test_nobody_there(cli, file):
 
 def test_somebody_else_there(cli, file, deaf, require, monkeypatch):
     require(find_spec("ray") is not None, "Ray: evenhand[ray]")
-    monkeypatch.setattr(sweep_ray, "PATIENCE", 3)
+    monkeypatch.setattr(ray, "PATIENCE", 3)
     assert cli("sweep", file, "--ray", deaf).complaint == (
         f"the Ray cluster at {deaf} cannot be used (it does not answer as Ray does): {REMEDY}"
     )

@@ -6,9 +6,9 @@ import urllib.request
 
 import pytest
 
-from evenhand import detector_io
-from evenhand.learn import run
-from evenhand.learn.settings import TrainSettings
+from evenhand.methods import detector_file
+from evenhand.training import run_folder
+from evenhand.training.settings import TrainSettings
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def taken():
 def a_run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("view") / "run"
     settings = TrainSettings(epochs=1, people=4, scenario="perception")
-    run.execute(folder, settings, detector_io.load(detector_io.SHIPPED))
+    run_folder.execute(folder, settings, detector_file.load(detector_file.SHIPPED))
     return folder
 
 

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import issues, people, robots
-from evenhand.restaurant import layout, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 TABLE = Path(__file__).with_name("services.json")
 SERVICES = 30
@@ -28,7 +30,7 @@ def run(name: str) -> dict[str, Any]:
     rng = np.random.default_rng([2024, robots.NAMES.index(name)])
     setups = layout.draw(people.population("us"), SERVICES, rng)
     robot = robots.ScriptedRobot(name, strength=0.9, sloppiness=0.05).robot(setups.asking, rng)
-    done = serve.serve(Lanes(16, task.TaskSettings()), setups, robot, rng, senses.SenseSettings())
+    done = serve.serve(Lanes(16, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
     table = serve.record(done.facts, setups.asking, epoch=3, scenario="even", robot=name)
     scores = issues.score(table)
     return {

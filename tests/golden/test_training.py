@@ -15,10 +15,10 @@ import jax
 import numpy as np
 import pytest
 
-from evenhand.detector import Detector
-from evenhand.learn import train
-from evenhand.learn.settings import PRESETS, settings_of
-from evenhand.learn.update import ALGORITHMS
+from evenhand.methods.paper.detector import Detector
+from evenhand.training import train
+from evenhand.training.settings import PRESETS, settings_of
+from evenhand.training.update import ALGORITHMS
 
 TABLE = Path(__file__).with_name("training.json")
 RUNS = [(preset, algorithm) for preset in PRESETS for algorithm in ALGORITHMS]

@@ -19,12 +19,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.audits import api, follow, forms, watching
+from evenhand.audits import api
 from evenhand.audits.api import Audit, audit
 from evenhand.audits.example import synthetic_log
-from evenhand.audits.results import AuditSettings
-from evenhand.errors import InputError
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.audits.judge.results import AuditSettings
+from evenhand.audits.show import rows as forms
+from evenhand.audits.watch import alarm, tail
+from evenhand.core.errors import InputError
+from evenhand.statistics.verdicts import VerdictSettings
 from support.postgres import PASSWORD, free_port, programs, server
 
 pytestmark = [
@@ -285,24 +287,24 @@ def test_a_table_that_grows_is_watched_like_the_same_rows_at_once(postgres):
     con: Any = ibis.connect(postgres)
     few = LOG.slice(0, 900)
     con.create_table("growing", few.slice(0, 400))
-    settings = watching.WatchSettings(batch=30)
+    settings = alarm.WatchSettings(batch=30)
 
     def chosen(source):
         return api.mapping_for(source, None, {"identities": ("age_group", "gender")})
 
-    live = follow.follower(postgres, "growing", "service", 30, chosen)
+    live = tail.follower(postgres, "growing", "service", 30, chosen)
     state = None
     for rows in (None, few.slice(400, 11), few.slice(411, 489)):
         if rows is not None:
             con.insert("growing", rows)
         while (new := live.next()) is not None:
-            state = watching.take(state or watching.begin(settings, new.issues), new)
+            state = alarm.take(state or alarm.begin(settings, new.issues), new)
     assert state is not None
     con.create_table("at_once", few)
-    caught_up = follow.follower(postgres, "at_once", "service", 30, chosen)
+    caught_up = tail.follower(postgres, "at_once", "service", 30, chosen)
     new = caught_up.next()
     assert new is not None
-    at_once = watching.take(watching.begin(settings, new.issues), new)
+    at_once = alarm.take(alarm.begin(settings, new.issues), new)
     np.testing.assert_array_equal(state.wealth.log_wealth, at_once.wealth.log_wealth)
     assert (state.services, state.raised) == (900, at_once.raised)
     con.raw_sql("delete from growing").close()

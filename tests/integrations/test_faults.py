@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand import detector_io
-from evenhand.errors import InputError
-from evenhand.learn import checkpoint, run
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.training import checkpoint, run_folder
+from evenhand.training.settings import settings_of
 from support import disks
 
 MORTAL = Path(__file__).parents[1] / "support" / "mortal.py"
@@ -128,7 +128,7 @@ def older(tmp_path) -> Callable[[Callable[[dict], None]], Path]:
 
     def make(change: Callable[[dict], None]) -> Path:
         folder = tmp_path / "run"
-        run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED))
+        run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))
         noted = json.loads((folder / "settings.json").read_text())
         change(noted)
         noted["fingerprints"]["settings"] = checkpoint.fingerprint(noted["settings"])
@@ -147,20 +147,20 @@ def test_a_run_that_knew_fewer_settings(older, content, name):
         match=rf"is of another version of Evenhand, which differs in {name}: use that version, or "
         "begin anew",
     ):
-        run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED))
+        run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))
     assert content(folder) == before
 
 
 def test_settings_inside_settings(older):
     folder = older(lambda noted: noted["settings"]["update"].update(momentum=0.9))
     with pytest.raises(InputError, match=r"another version of Evenhand, which differs in momentum"):
-        run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED))
+        run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))
 
 
 def test_a_checkpoint_of_another_format(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint, "_VERSION", 0)
-        run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED))
+        run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))
     with pytest.raises(InputError, match=r"has format version 0, and this Evenhand reads version"):
-        run.execute(folder, SETTINGS, detector_io.load(detector_io.SHIPPED))
+        run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import RecordVideo, RenderCollection
 
-from evenhand import bench_film, detector_io, registration
-from evenhand.film import encoder
-from evenhand.learn import run
-from evenhand.learn.settings import settings_of
+from benchmarks import film
+from evenhand.methods import detector_file
+from evenhand.restaurant import registration
+from evenhand.restaurant.film import encoder
+from evenhand.training import run_folder
+from evenhand.training.settings import settings_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("opengl")]
 
@@ -30,12 +32,14 @@ def pictures(path, size=(320, 240)):
 
 def test_services_of_a_run(cli, tmp_path):
     settings = replace(settings_of("service", "reinforce", "penalty", epochs=2), people=3)
-    run.execute(tmp_path / "run", settings, detector_io.load(detector_io.SHIPPED), recorded=True)
+    run_folder.execute(
+        tmp_path / "run", settings, detector_file.load(detector_file.SHIPPED), recorded=True
+    )
     words = ("film", "run", "--services", "4,1", "--size", "320x240", "--camera", "guest")
     ended = cli(*words, "--out", "clips")
     assert (ended.code, ended.err) == (0, "")
     assert ended.out.split() == ["clips/service-4-guest.mp4", "clips/service-1-guest.mp4"]
-    facts = run.read_services(tmp_path / "run")
+    facts = run_folder.read_services(tmp_path / "run")
     for number in (4, 1):
         path = tmp_path / "clips" / f"service-{number}-guest.mp4"
         steps = int(facts.fact("steps")[number])
@@ -108,14 +112,14 @@ def test_record_video_makes_a_clip_of_each_episode(tmp_path, monkeypatch):
 
 
 def test_the_bench_measures_what_it_says(monkeypatch, capsys):
-    monkeypatch.setattr(bench_film, "_CLIPS", 1)
-    monkeypatch.setattr(bench_film, "_TURNS", 2)
-    monkeypatch.setattr(bench_film, "_PEOPLE", 8)
-    found = bench_film.measure()
+    monkeypatch.setattr(film, "_CLIPS", 1)
+    monkeypatch.setattr(film, "_TURNS", 2)
+    monkeypatch.setattr(film, "_PEOPLE", 8)
+    found = film.measure()
     cameras = ("room", "robot", "guest")
     for name in ("film_frames_per_s", "film_frames_per_cpu_s", "film_seconds_of_clip_per_s"):
         assert tuple(found[name]) == cameras
         assert all(value > 0 for value in found[name].values())
     assert found["states_ratio"] > 0
-    bench_film.show(found)
+    film.show(found)
     assert all(camera in capsys.readouterr().out for camera in cameras[:1])

@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.report.inputs import STATUSES
+from evenhand.experiments.paper.report.results import STATUSES
 
 EPOCHS, WINDOWS, SERVICES = 40, 100, 300
 SMALL = ("--epochs", EPOCHS, "--windows", WINDOWS, "--services", SERVICES)

@@ -16,8 +16,10 @@ import schemathesis
 from hypothesis import HealthCheck, settings
 from schemathesis.checks import CHECKS
 
-from evenhand.study import backup, numbers, participating, protocol_file, rows, store
-from evenhand.study.refusals import RefusalError
+from evenhand.study.design import protocol_file
+from evenhand.study.server import backup, participants, progress, rows, store
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.refusal import RefusalError
 from support import study_load
 from support.postgres import programs, server
 from support.studies import ANSWERS, FILM, STUDY, Browser, served
@@ -95,7 +97,7 @@ def test_a_whole_study_on_postgres(emptied, tmp_path):
     second.put(second.next(), ANSWERS["about"])
     before = stored(kept)
     assert len(before) == 11  # 1 about oneself, 2 x 3, 1 check, 1 pair, 1 at the end; 1 more
-    assert numbers.read(kept, STUDY)["real"]["counts"] == {
+    assert progress.read(kept, STUDY)["real"]["counts"] == {
         "began": 2, "finished": 1, "under_way": 1, "dropped_out": 0, "withdrawn": 0,
     }  # fmt: skip
     # the backup is an SQLite file that holds the same and can go on
@@ -114,13 +116,13 @@ def test_a_whole_study_on_postgres(emptied, tmp_path):
 def test_two_tabs_on_postgres_store_one_answer(emptied):
     from concurrent.futures import ThreadPoolExecutor
 
-    kept = store.opened(emptied, STUDY)
-    token, _ = participating.begin(kept, STUDY, "1")
+    kept = open_store(emptied, STUDY)
+    token, _ = participants.begin(kept, STUDY, "1")
 
     def send(answer: str) -> str:
-        one = participating.Sent(f"key-{answer}", 1, {"years": answer}, 5)
+        one = participants.Sent(f"key-{answer}", 1, {"years": answer}, 5)
         try:
-            participating.save(kept, STUDY, token, "about", one)
+            participants.save(kept, STUDY, token, "about", one)
         except RefusalError as error:
             return error.code
         return "saved"
@@ -136,10 +138,10 @@ def test_two_tabs_on_postgres_store_one_answer(emptied):
 def test_orders_are_filled_evenly_by_a_crowd_on_postgres(emptied):
     from concurrent.futures import ThreadPoolExecutor
 
-    kept = store.opened(emptied, STUDY)
+    kept = open_store(emptied, STUDY)
     with ThreadPoolExecutor(8) as pool:
-        list(pool.map(lambda _: participating.begin(kept, STUDY, "1"), range(30)))
-    found = numbers.read(kept, STUDY)["real"]["orders"]
+        list(pool.map(lambda _: participants.begin(kept, STUDY, "1"), range(30)))
+    found = progress.read(kept, STUDY)["real"]["orders"]
     assert [(one["order"], one["began"]) for one in found] == [(0, 15), (1, 15)]
     kept.dispose()
 

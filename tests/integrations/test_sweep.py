@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand import files
-from evenhand.experiments import compare, origin
-from evenhand.experiments.compare_settings import Cell
+from evenhand.core import files
+from evenhand.experiments import provenance
+from evenhand.experiments.comparison import compare
+from evenhand.experiments.comparison.settings import Cell
 
 FILE = """
 scenarios = ["tips"]
@@ -94,7 +95,7 @@ def test_a_run_is_the_one_of_a_comparison(calm, tmp_path):
     """The same arm, scenario, seed and settings give the same numbers as `evenhand compare`."""
     cell = Cell("tips", "reinforce", "levelup@2", 3)
     compare.train_and_test(
-        tell=lambda *_: None, cell=cell, out=tmp_path, made=origin.now(), epochs=3, services=300
+        tell=lambda *_: None, cell=cell, out=tmp_path, made=provenance.now(), epochs=3, services=300
     )
     theirs = json.loads((cell.folder(tmp_path) / "done.json").read_text())["test"]
     ours = cell.folder(calm / "variants" / QUICK)

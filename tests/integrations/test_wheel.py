@@ -15,10 +15,10 @@ import pytest
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGES = {
-    "evenhand/replay/static/replay.js",
-    "evenhand/study/static/index.html",
-    "evenhand/study/static/study.css",
-    "evenhand/study/static/study.js",
+    "evenhand/restaurant/replay/static/replay.js",
+    "evenhand/study/server/static/index.html",
+    "evenhand/study/server/static/study.css",
+    "evenhand/study/server/static/study.js",
 }
 DATA = {
     "evenhand/data/detector.json",

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import guidance
 from evenhand.adapters import (
     Fact,
     Identity,
@@ -19,9 +18,10 @@ from evenhand.adapters import (
     invented,
     own_issue,
 )
-from evenhand.credit import CreditSettings
-from evenhand.guidance import GuidanceSettings
-from evenhand.interactions import Interactions
+from evenhand.methods import guidance
+from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods.services import Interactions
 from support.toys import SCHEME, Toy, facts_of
 
 FACTS = (Fact("slow", bool), Fact("noise", float, may_miss=True))

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.detector import Detector, fit
-from evenhand.detector_io import load, save
-from evenhand.detector_report import wilson
-from evenhand.study.respondents import judge, recruit
+from evenhand.methods.detector_file import load, save
+from evenhand.methods.paper.detector import Detector, fit
+from evenhand.statistics.detector_accuracy import wilson
+from evenhand.study.simulated.respondents import judge, recruit
 
 number = st.floats(-50, 50)
 score = st.floats(0, 1)

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import issues
-from evenhand.inference import (
+from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics import (
     chance,
     intervals,
     permutation,
@@ -17,7 +18,6 @@ from evenhand.inference import (
     verdicts,
     windows,
 )
-from evenhand.issues import Counts
 
 
 @st.composite

@@ -9,7 +9,7 @@ import pyarrow as pa
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from evenhand.interactions import FACTS, Interactions
+from evenhand.methods.services import FACTS, Interactions
 
 # Numbers that float64 and the file hold exactly; text as people write it, but not empty in a CSV.
 _VALUES = {

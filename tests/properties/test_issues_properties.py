@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import issues
+from evenhand.methods.paper import issues
 
 NAMES = ("a", "b", "c")
 

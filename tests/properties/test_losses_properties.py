@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from evenhand.learn import losses
+from evenhand.methods.paper import losses
 
 N, L = 3, 5  # one shape, so that each function compiles once
 NUMBERS = st.floats(-10, 10, width=32)

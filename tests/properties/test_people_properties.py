@@ -6,9 +6,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import people
-from evenhand.errors import InputError
-from evenhand.people import GROUPS, IDENTITIES, Population, Table
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people
+from evenhand.restaurant.people import GROUPS, IDENTITIES, Population, Table
 
 SIZES = [len(identity.categories) for identity in IDENTITIES]
 

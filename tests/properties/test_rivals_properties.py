@@ -7,10 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import issues
-from evenhand.learn import rival_formulas as formulas
-from evenhand.learn import rivals
-from evenhand.learn.rival_epoch import EpochOutcome
+from evenhand.methods.paper import issues
+from evenhand.training.rivals import formulas, methods
+from evenhand.training.rivals.base import EpochOutcome
 
 SIZES = (3, 2)
 GROUPS = sum(SIZES)
@@ -82,7 +81,7 @@ def test_the_running_score_is_the_score_of_all_so_far(before, outcome):
 
 @given(epochs(x=st.just(0.0)), st.floats(0, 1))
 def test_a_ppo_scales_the_advantage_where_all_is_even(outcome, omega):
-    method = rivals.APPO(beta=(2.0, 0.25, 0.25), omega=omega)
+    method = methods.APPO(beta=(2.0, 0.25, 0.25), omega=omega)
     shaped = valid(outcome, method.shape(outcome, method.begin(GROUPS, 2))[0])
     plain = valid(outcome, outcome.advantage)
     span = plain.max() - plain.min()
@@ -92,7 +91,7 @@ def test_a_ppo_scales_the_advantage_where_all_is_even(outcome, omega):
 
 @given(epochs(), st.floats(0, 1), st.tuples(st.floats(0, 2), st.floats(0, 2), st.floats(0, 2)))
 def test_a_ppo_lies_between_0_and_the_sum_of_its_weights(outcome, omega, beta):
-    method = rivals.APPO(beta=beta, omega=omega)
+    method = methods.APPO(beta=beta, omega=omega)
     shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
     assert shaped.min() >= 0
     assert shaped.max() <= sum(beta) + 1e-12
@@ -100,7 +99,7 @@ def test_a_ppo_lies_between_0_and_the_sum_of_its_weights(outcome, omega, beta):
 
 @given(epochs(), st.floats(0, 4))
 def test_r_ppo_never_adds(outcome, omega):
-    method = rivals.RPPO(zeta=1.5, omega=omega)
+    method = methods.RPPO(zeta=1.5, omega=omega)
     shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
     assert (valid(outcome, shaped) <= valid(outcome, outcome.advantage)).all()
 
@@ -116,7 +115,7 @@ def test_the_soft_bias_is_at_least_the_hard_one(z, sharpness):
 
 @given(epochs(x=st.sampled_from([0.0, np.nan])))
 def test_elbert_leaves_an_even_robot_alone(outcome):
-    method = rivals.Elbert(alpha=7.0)
+    method = methods.Elbert(alpha=7.0)
     shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
     np.testing.assert_allclose(
         valid(outcome, shaped), valid(outcome, outcome.advantage), atol=1e-12
@@ -126,7 +125,7 @@ def test_elbert_leaves_an_even_robot_alone(outcome):
 @given(epochs(), st.floats(0, 10))
 def test_elbert_is_linear_in_its_weight_and_sums_to_nothing(outcome, alpha):
     def change(weight: float) -> np.ndarray:
-        method = rivals.Elbert(alpha=weight)
+        method = methods.Elbert(alpha=weight)
         plain = np.zeros((len(outcome.x), 1))
         one = EpochOutcome(**{**vars(outcome), "advantage": plain, "mask": np.ones_like(plain)})
         return method.shape(one, method.begin(GROUPS, 2))[0][:, 0]
@@ -148,7 +147,7 @@ def test_the_adversary_stands_still_without_a_step(share, loss, n):
 
 @given(epochs(), st.floats(0, 1e6), st.floats(0, 10))
 def test_shares_sum_to_one_and_the_worse_off_gain(outcome, rate, adjustment):
-    method = rivals.GroupDRO(rate=rate, adjustment=adjustment)
+    method = methods.GroupDRO(rate=rate, adjustment=adjustment)
     state = method.shape(outcome, method.begin(GROUPS, 2))[1]
     q = np.exp(state.log_q)
     np.testing.assert_allclose(q.sum(), 1.0, atol=1e-9)
@@ -192,7 +191,7 @@ def test_welfare_that_weighs_all_alike_is_the_mean(mean):
 def test_ggf_favours_no_group_by_its_place(outcome, decay, random):
     order = list(range(GROUPS))
     random.shuffle(order)
-    method = rivals.GGF(decay=decay)
+    method = methods.GGF(decay=decay)
     there = EpochOutcome(
         **{
             **vars(outcome),

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.inference import tables
+from evenhand.statistics import count_tables
 
 
 @st.composite
@@ -25,7 +25,7 @@ def logs(draw: Any) -> Any:
 def found_in(log: Any, **changes: Any) -> Any:
     x, inside, n, strata, seed = log
     given = {"x": x, "inside": inside, "n": n, "strata": strata} | changes
-    return tables.table_test(rng=np.random.default_rng(seed), permutations=99, **given)
+    return count_tables.table_test(rng=np.random.default_rng(seed), permutations=99, **given)
 
 
 @given(
@@ -38,7 +38,7 @@ def found_in(log: Any, **changes: Any) -> Any:
 )
 @settings(max_examples=100, deadline=None)
 def test_drawn_tables_keep_both_margins(table, seed):
-    drawn = np.stack([*tables.random_tables(table, 7, np.random.default_rng(seed))])
+    drawn = np.stack([*count_tables.random_tables(table, 7, np.random.default_rng(seed))])
     assert drawn.shape == (*table.shape, 7)
     assert (drawn >= 0).all()
     assert (drawn.sum(axis=1) == table.sum(axis=1)[:, None]).all()

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from evenhand.study.protocol import (
+from evenhand.study.design.protocol import (
     PAIR_OPTIONS,
     Check,
     ClipSet,

@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from evenhand.detector_report import wilson
-from evenhand.experiments.demos import Demos, Study
-from evenhand.interactions import Interactions
-from evenhand.people import IDENTITIES
-from evenhand.study.respondents import NAMEABLE, Questionnaire
+from evenhand.experiments.paper.demonstrations import Demos, Study
+from evenhand.methods.services import Interactions
+from evenhand.restaurant.people import IDENTITIES
+from evenhand.statistics.detector_accuracy import wilson
+from evenhand.study.simulated.respondents import NAMEABLE, Questionnaire
 
 SEEDS, EPOCHS = (0, 1, 2), 60
 

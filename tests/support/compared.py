@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from evenhand.experiments import compare_tables
+from evenhand.experiments.comparison import tables
 
 ISSUES = ("willingness", "quality", "priority", "risk")
 HEAD = ("scenario", "algorithm", "arm")
@@ -72,7 +72,7 @@ def write_comparison(
     summary = [
         summary_row(place, arm, algorithm, metric, seeds)
         for place, algorithm, arm in cells
-        for metric in compare_tables.METRICS
+        for metric in tables.METRICS
     ]
     results = [
         {name: row[name] for name in (*HEAD, "metric")} | {"seed": seed, "value": row["iqm"]}
@@ -87,9 +87,9 @@ def write_comparison(
         for place in scenarios
         for method, volume in VOLUMES.items()
     ]
-    write_csv(folder / "results.csv", compare_tables.RESULTS, results)
-    write_csv(folder / "summary.csv", compare_tables.SUMMARY, summary)
-    write_csv(folder / "fronts.csv", compare_tables.FRONTS, fronts)
+    write_csv(folder / "results.csv", tables.RESULTS, results)
+    write_csv(folder / "summary.csv", tables.SUMMARY, summary)
+    write_csv(folder / "fronts.csv", tables.FRONTS, fronts)
     noted = {
         "version": "0.1.0", "created": "2026-11-20T12:00:00+00:00",
         "command": "evenhand compare --out out/compare", "commit": None, "earlier": None,

@@ -5,19 +5,19 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import people
-from evenhand.credit import CreditSettings
-from evenhand.detector import WindowVerdict
-from evenhand.guidance import GuidanceSettings
-from evenhand.learn import lesson, train
-from evenhand.learn.epoch import Epoch
-from evenhand.learn.lesson import Lesson
-from evenhand.learn.past import Past
-from evenhand.learn.policy import state_values
-from evenhand.learn.settings import TrainSettings
-from evenhand.learn.update import UpdateSettings
-from evenhand.restaurant import layout, serve
-from evenhand.restaurant.lanes import Facts
+from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods.paper.detector import WindowVerdict
+from evenhand.restaurant import people
+from evenhand.restaurant.simulation import layout, serve
+from evenhand.restaurant.simulation.lanes import Facts
+from evenhand.training import advantages, train
+from evenhand.training.advantages import Lesson
+from evenhand.training.epoch import Epoch
+from evenhand.training.memory import Past
+from evenhand.training.policy import state_values
+from evenhand.training.settings import TrainSettings
+from evenhand.training.update import UpdateSettings
 
 NAN = np.nan
 CODES = np.array([[0, 0, 0, 1, 0]] * 3 + [[0, 0, 2, 1, 0]] * 2)
@@ -89,13 +89,13 @@ def settings(kind: Any = "none", shrink: float = 0.0, **changes: Any) -> TrainSe
 def past_of(chosen: TrainSettings, *epochs: Epoch) -> Past:
     past = Past.empty(chosen)
     for one in epochs:
-        past = lesson.remembered(chosen, one, past)
+        past = advantages.remembered(chosen, one, past)
     return past
 
 
 def evenness(chosen: TrainSettings, *epochs: Epoch) -> np.ndarray:
     """Of the last of these epochs."""
-    return lesson.evenness(chosen, epochs[-1], past_of(chosen, *epochs))
+    return advantages.evenness(chosen, epochs[-1], past_of(chosen, *epochs))
 
 
 def learn(chosen: TrainSettings, *epochs: Epoch, rival: Any = None) -> tuple[Lesson, Past, Any]:
@@ -105,7 +105,7 @@ def learn(chosen: TrainSettings, *epochs: Epoch, rival: Any = None) -> tuple[Les
     past = past_of(chosen, *epochs)
     past = past if rival is None else replace(past, rival=rival)
     value = np.asarray(state_values(policy, epochs[-1].done.observation))
-    taught, after = lesson.learn_from(chosen, policy, value, epochs[-1], past, following)
+    taught, after = advantages.learn_from(chosen, policy, value, epochs[-1], past, following)
     return taught, after, value
 
 

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from evenhand.experiments import origin, sweep_report, sweep_runs
-from evenhand.experiments.compare_settings import Cell
-from evenhand.experiments.sweep import Line
-from evenhand.experiments.sweep_settings import Job, Variant
+from evenhand.experiments import provenance
+from evenhand.experiments.comparison.settings import Cell
+from evenhand.experiments.sweep import report, runs
+from evenhand.experiments.sweep.settings import Job, Line, Variant
 
 EPOCHS = 110
 VARIANT = Variant(epochs=EPOCHS, people=4, services=300)
@@ -32,11 +32,11 @@ def work(folder: Path, job: Job, ticks: int) -> None:
     def tell(units: int, numbers: dict) -> None:
         os.write(ticks, b".")
 
-    sweep_runs.perform(tell=tell, job=job, folder=folder / job.path)
-    lines = [Line(job, sweep_runs.finished(job, folder / job.path), None, 1, None)]
+    runs.perform(tell=tell, job=job, folder=folder / job.path)
+    lines = [Line(job, runs.finished(job, folder / job.path), None, 1, None)]
     (folder / "sweep.toml").touch()
-    origin.commit = lambda: None  # somebody may commit meanwhile
-    sweep_report.write_all(folder, lines, "evenhand sweep", 1, 0.0)
+    provenance.commit = lambda: None  # somebody may commit meanwhile
+    report.write_all(folder, lines, "evenhand sweep", 1, 0.0)
 
 
 def attempt(folder: Path, job: Job) -> tuple[int, int]:

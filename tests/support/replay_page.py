@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from evenhand.replay import page as replay_page
-from evenhand.replay import write
+from evenhand.restaurant.replay import page as replay_page
+from evenhand.restaurant.replay import write
 from support import replayed
 from support.chromium import CHROMIUM, QUIET
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from evenhand import files, people, robots
-from evenhand.interactions import Interactions
-from evenhand.learn import states
-from evenhand.restaurant import layout, plan, recording, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
-from evenhand.restaurant.recording import Recording
+from evenhand.core import files
+from evenhand.methods.services import Interactions
+from evenhand.restaurant import floor_plan, people, robots
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, recording, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.simulation.recording import Recording
+from evenhand.training import recordings
 
 
 def places(n: int, seed: int = 3) -> layout.Setups:
@@ -25,7 +27,7 @@ def served(n: int, robot: str = "ageist", seed: int = 3) -> tuple[Recording, Int
     setups = layout.draw(people.population("uniform"), n, rng)
     scripted = robots.ScriptedRobot(robot, 1.0).robot(setups.asking, rng)
     lanes = Lanes(n, task.TaskSettings())
-    done = serve.serve(lanes, setups, scripted, rng, senses.SenseSettings(), recorded=True)
+    done = serve.serve(lanes, setups, scripted, rng, sensing.SenseSettings(), recorded=True)
     assert done.seen is not None
     table = serve.record(
         done.facts, setups.asking, epoch=np.arange(n) // 30, scenario="even", robot=robot
@@ -35,7 +37,7 @@ def served(n: int, robot: str = "ageist", seed: int = 3) -> tuple[Recording, Int
 
 def approach(distances: list[list[float]], interval: int = 5) -> Recording:
     """Services in which the robot is at these distances, one after another."""
-    n, most = len(distances), plan.MAX_STEPS // interval + 1
+    n, most = len(distances), floor_plan.MAX_STEPS // interval + 1
     setups = places(n)
     pose = np.full((n, most, 3), np.nan)
     for row, several in enumerate(distances):
@@ -60,5 +62,5 @@ def run_folder(folder: Path, services: int = 60, states_kept: bool = True) -> Pa
     files.write_json(folder / "settings.json", {})
     rows.write_parquet(folder / "services" / "000000-000002.parquet")
     if states_kept:
-        states.keep(folder, [seen[:30], seen[30:]], 2)
+        recordings.keep(folder, [seen[:30], seen[30:]], 2)
     return folder

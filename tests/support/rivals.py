@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import issues
-from evenhand.learn.rival_epoch import EpochOutcome
+from evenhand.methods.paper import issues
+from evenhand.training.rivals.base import EpochOutcome
 
 NAN = np.nan
 NONE_EARLIER = issues.Counts(*np.zeros((4, 2, 1)))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from evenhand import people
-from evenhand.restaurant import layout, plan
+from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant.simulation import layout
 
 
 def drawn(n: int, seed: int, population: str = "uniform") -> layout.Setups:
@@ -16,7 +16,7 @@ def bumping(n: int, seed: int) -> layout.Setups:
     """Set-ups in which another guest pushes into the robot from the start of the first service."""
     setups = drawn(n, seed)
     position = setups.position.copy()
-    position[0, 5] = setups.start[0] + (setups.radius[0, 5] + plan.ROBOT_RADIUS - 0.03, 0.01)
+    position[0, 5] = setups.start[0] + (setups.radius[0, 5] + floor_plan.ROBOT_RADIUS - 0.03, 0.01)
     return replace(setups, position=position)
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import httpx
 from fastapi import FastAPI
 
-from evenhand.study import participating, store
-from evenhand.study.protocol import (
+from evenhand.study.design.protocol import (
     Check,
     ClipSet,
     Demographic,
@@ -19,8 +18,10 @@ from evenhand.study.protocol import (
     Protocol,
     Question,
 )
-from evenhand.study.web.app import build
-from evenhand.study.web.desk import Settings
+from evenhand.study.server import participants, store
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.web.app import build
+from evenhand.study.server.web.desk import Settings
 
 FILM = b"\x00\x00\x00\x14ftypisom\x00\x00\x00\x00isom"
 """How an MP4 file begins: enough for what never plays it."""
@@ -132,8 +133,8 @@ def served(
     where: str | Path = "sqlite://", study: Protocol = STUDY, clock: Any = None, **settings: Any
 ) -> tuple[FastAPI, store.Store]:
     """The application of a study on a database."""
-    kept = store.opened(str(where), study, clock=clock or Clock(), wait=0.2)
-    return build(study, kept, Settings(participating.hashed(ADMIN), **settings)), kept
+    kept = open_store(str(where), study, clock=clock or Clock(), wait=0.2)
+    return build(study, kept, Settings(participants.hashed(ADMIN), **settings)), kept
 
 
 def pragma(kept: store.Store, words: str) -> Any:

@@ -27,7 +27,9 @@ from sqlalchemy import select
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from evenhand.study import participating, rows, store, tables
+from evenhand.study.server import participants as participating
+from evenhand.study.server import rows, schema
+from evenhand.study.server.open_store import open_store
 from support.postgres import free_port
 from support.studies import ANSWERS
 
@@ -166,10 +168,10 @@ async def run(db: str, participants: int, kills: int, pause: float = 0.2) -> Loa
 
 def compare(db: str, load: Load) -> None:
     """Everything that was acknowledged is stored, as it was sent, and once."""
-    kept = store.opened(db, None, make=False)
+    kept = open_store(db, None, make=False)
     try:
         with kept.read() as connection:
-            table = tables.participants.c
+            table = schema.participants.c
             asked = select(table.participant, table.token, table.status)
             people = {row.token: row for row in connection.execute(asked)}
         names = {token: people[participating.hashed(token)] for token, _ in load.acknowledged}

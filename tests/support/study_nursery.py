@@ -13,17 +13,18 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from evenhand.study import participating, store
-from evenhand.study.web import app, serve
-from evenhand.study.web.desk import Settings
+from evenhand.study.server import participants
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.web import app, serve
+from evenhand.study.server.web.desk import Settings
 from support.studies import ADMIN, STUDY
 
 
 def serve_it(db: str, port: int) -> None:
     """Serve, and say nothing."""
-    kept = store.opened(db, STUDY)
+    kept = open_store(db, STUDY)
     listening = serve.listen("127.0.0.1", port)
-    serve.run(app.build(STUDY, kept, Settings(participating.hashed(ADMIN))), listening)
+    serve.run(app.build(STUDY, kept, Settings(participants.hashed(ADMIN))), listening)
 
 
 def main() -> None:

@@ -10,10 +10,11 @@ import pytest
 import uvicorn
 from playwright.sync_api import expect, sync_playwright
 
-from evenhand.study import participating, rows, store
-from evenhand.study.protocol import ClipSet, Protocol
-from evenhand.study.web import app, serve
-from evenhand.study.web.desk import STATIC, Settings
+from evenhand.study.design.protocol import ClipSet, Protocol
+from evenhand.study.server import participants, rows
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.web import app, serve
+from evenhand.study.server.web.desk import STATIC, Settings
 from support.chromium import CHROMIUM, QUIET
 from support.postgres import free_port
 from support.studies import ADMIN, STUDY
@@ -34,9 +35,9 @@ class Running:
         self.address = f"http://127.0.0.1:{self.port}"
 
     def start(self) -> "Running":
-        self.store = store.opened(self.db, self.study)
+        self.store = open_store(self.db, self.study)
         made = app.build(
-            self.study, self.store, Settings(participating.hashed(ADMIN), **self.settings)
+            self.study, self.store, Settings(participants.hashed(ADMIN), **self.settings)
         )
         config = uvicorn.Config(
             made, access_log=False, log_config=None, ws="none", lifespan="off",

@@ -5,8 +5,8 @@ from typing import Any, Literal
 import jax
 import numpy as np
 
-from evenhand.learn.policy import PolicySettings
-from evenhand.learn.update import Trajectories, UpdateSettings, make_learner
+from evenhand.training.policy import PolicySettings
+from evenhand.training.update import Trajectories, UpdateSettings, make_learner
 
 N, L, OBS = 8, 10, 3
 POLICY = PolicySettings(hidden=(4,))

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from evenhand.errors import InputError
-from evenhand.experiments.pool import Tell
+from evenhand.core.errors import InputError
+from evenhand.core.processes import Tell
 
 
 def square(

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import stats
 
-from evenhand.errors import InputError
-from evenhand.experiments import aggregate
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison import aggregate
 
 NUMBERS = st.floats(-1e3, 1e3)
 CORNERS = st.lists(st.tuples(st.integers(-2, 5), st.integers(-2, 5)), max_size=6)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.learn.batches import Trajectories, deal, pack
+from evenhand.training.batches import Trajectories, deal, pack
 
 
 def two_services(lengths=(1, 2), places=3):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from evenhand import bench
-from evenhand.cores import CORES
+from benchmarks import environment
+from evenhand.core.processors import CORES
 
 
 @pytest.fixture(scope="module")
 def found():
-    return bench.measure(0.25)
+    return environment.measure(0.25)
 
 
 def test_every_number_is_there_and_a_rate(found):
@@ -44,7 +44,7 @@ def test_shares_of_an_epoch_add_up(found):
 
 
 def test_the_table_has_both_numbers_of_threads(found, capsys):
-    bench.show(found)
+    environment.show(found)
     out = capsys.readouterr().out
     assert f"{found['ratio_30']:.3f}" in out
     assert f"{found['ratio_30_one_thread']:.3f}" in out

@@ -2,8 +2,8 @@
 
 import pytest
 
-from evenhand import bench_adapters as bench
-from evenhand.errors import InputError
+from benchmarks import adapters as bench
+from evenhand.core.errors import InputError
 
 
 def test_every_ratio_is_measured(monkeypatch, capsys):

@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand import bench_audit
-from evenhand.errors import InputError
+from benchmarks import audit
+from evenhand.core.errors import InputError
 
 KEYS = {
     "audit_10m_seconds",
@@ -25,12 +25,12 @@ KEYS = {
 
 def test_the_log_is_what_it_is_said_to_be(tmp_path):
     path = tmp_path / "log.parquet"
-    bench_audit.write_log(path, 40_001, np.random.default_rng(0), chunk=15_000)
+    audit.write_log(path, 40_001, np.random.default_rng(0), chunk=15_000)
     assert pq.ParquetFile(path).metadata.num_rows == 40_001
     log = pq.read_table(path)
     assert set(log["source"].to_pylist()) == {"synthetic"}
-    for name, groups in bench_audit.IDENTITIES.items():
-        incomplete = name in bench_audit.INCOMPLETE
+    for name, groups in audit.IDENTITIES.items():
+        incomplete = name in audit.INCOMPLETE
         values = np.array(log[name].to_pylist(), object)
         assert {one for one in values if one is not None} == set(groups)
         missing = np.mean([one is None for one in values])
@@ -49,8 +49,8 @@ def test_the_log_is_what_it_is_said_to_be(tmp_path):
 
 def test_an_audit_of_the_log_in_a_process_of_its_own(tmp_path):
     path = tmp_path / "log.parquet"
-    bench_audit.write_log(path, 30_000, np.random.default_rng(1))
-    seconds, cpu, peak = bench_audit.audit(path, 30_000)
+    audit.write_log(path, 30_000, np.random.default_rng(1))
+    seconds, cpu, peak = audit.audit(path, 30_000)
     assert cpu > 0
     assert seconds > 0
     # what Python with NumPy, Arrow and DuckDB needs at least
@@ -58,8 +58,8 @@ def test_an_audit_of_the_log_in_a_process_of_its_own(tmp_path):
     found = json.loads(path.with_suffix(".json").read_text())
     assert found["services"] == 30_000
     assert found["synthetic"] is True
-    assert found["settings"]["verdict"]["permutations"] == bench_audit.BOOTSTRAPS
-    assert {one["identity"] for one in found["findings"]} == set(bench_audit.IDENTITIES)
+    assert found["settings"]["verdict"]["permutations"] == audit.BOOTSTRAPS
+    assert {one["identity"] for one in found["findings"]} == set(audit.IDENTITIES)
     uneven = {
         (one["identity"], one["issue"])
         for one in found["findings"]
@@ -67,15 +67,15 @@ def test_an_audit_of_the_log_in_a_process_of_its_own(tmp_path):
     }
     assert uneven == {("age_group", "willingness")}
     with pytest.raises(RuntimeError, match="found 30000 services, not 30001"):
-        bench_audit.audit(path, 30_001)
+        audit.audit(path, 30_001)
     with pytest.raises(RuntimeError, match=r"ended with 2.*does not exist"):
-        bench_audit.audit(tmp_path / "no.parquet", 1)
+        audit.audit(tmp_path / "no.parquet", 1)
 
 
 def faked(monkeypatch, seconds):
     """Audits that take so long, small and great in turn, without running any."""
     taken = iter(seconds)
-    monkeypatch.setattr(bench_audit, "audit", lambda log, services: next(taken))
+    monkeypatch.setattr(audit, "audit", lambda log, services: next(taken))
 
 
 def test_medians_of_the_rounds_and_the_greatest_memory(monkeypatch, capsys):
@@ -84,8 +84,8 @@ def test_medians_of_the_rounds_and_the_greatest_memory(monkeypatch, capsys):
         [(2.0, 1.5, 90.0), (9.0, 15.0, 800.0), (4.0, 3.5, 99.0), (7.0, 11.0, 700.0),
          (3.0, 2.5, 80.0), (8.0, 13.0, 600.0)],
     )  # fmt: skip
-    monkeypatch.setattr(bench_audit, "fairlearn_seconds", lambda log, bootstraps: 1200.0)
-    found = bench_audit.measure(400, 200, bootstraps=3, rounds=3)
+    monkeypatch.setattr(audit, "fairlearn_seconds", lambda log, bootstraps: 1200.0)
+    found = audit.measure(400, 200, bootstraps=3, rounds=3)
     assert set(found) == KEYS
     assert (found["audit_10m_seconds"], found["audit_10m_cpu_seconds"]) == (8.0, 13.0)
     assert (found["audit_1m_seconds"], found["audit_1m_cpu_seconds"]) == (3.0, 2.5)
@@ -93,7 +93,7 @@ def test_medians_of_the_rounds_and_the_greatest_memory(monkeypatch, capsys):
     assert found["ratio_fairlearn"] == 400.0
     assert found["fairlearn_bootstraps_run"] == 3
     assert found["audit_rows"] == (400, 200)
-    bench_audit.show(found)
+    audit.show(found)
     said = capsys.readouterr().out
     assert "reckoned from 3" in said
     assert "400 services" in said
@@ -102,7 +102,7 @@ def test_medians_of_the_rounds_and_the_greatest_memory(monkeypatch, capsys):
 def test_without_fairlearn_nothing_is_made_up(monkeypatch, capsys):
     faked(monkeypatch, [(2.0, 1.5, 90.0), (9.0, 15.0, 800.0)])
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    found = bench_audit.measure(100, 50, rounds=1)
+    found = audit.measure(100, 50, rounds=1)
     assert set(found) == KEYS
     for key in (
         "fairlearn_1m_seconds_2000_bootstraps",
@@ -110,7 +110,7 @@ def test_without_fairlearn_nothing_is_made_up(monkeypatch, capsys):
         "ratio_fairlearn",
     ):
         assert found[key] is None
-    bench_audit.show(found)
+    audit.show(found)
     assert "Fairlearn is not installed" in capsys.readouterr().out
 
 
@@ -125,8 +125,8 @@ def test_fairlearn_sees_the_rates_of_the_log(tmp_path, monkeypatch):
 
     monkeypatch.setattr(metrics, "MetricFrame", Kept)
     path = tmp_path / "log.parquet"
-    bench_audit.write_log(path, 2_000, np.random.default_rng(2))
-    seconds = bench_audit.fairlearn_seconds(path, 2)
+    audit.write_log(path, 2_000, np.random.default_rng(2))
+    seconds = audit.fairlearn_seconds(path, 2)
     assert seconds is not None
     assert seconds > 0
     log = pq.read_table(path)
@@ -150,4 +150,4 @@ def test_fairlearn_sees_the_rates_of_the_log(tmp_path, monkeypatch):
 )
 def test_wrong_input(given, said):
     with pytest.raises(InputError, match=said):
-        bench_audit.measure(**given)
+        audit.measure(**given)

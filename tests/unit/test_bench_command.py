@@ -1,22 +1,22 @@
-"""What ``evenhand bench`` measures, and in which order; nothing is measured here."""
+"""What ``make bench`` measures, and in which order; nothing is measured here."""
 
 import json
 from importlib import import_module
 
 import pytest
 
+from benchmarks.__main__ import Bench, main
 from evenhand.adapters import versions
-from evenhand.commands.bench import Bench
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 
 PARTS = {
-    "env": "bench",
-    "audit": "bench_audit",
-    "film": "bench_film",
-    "adapters": "bench_adapters",
-    "study": "bench_study",
-    "sweep": "bench_sweep",
-    "sb3": "bench_sb3",
+    "env": "environment",
+    "audit": "audit",
+    "film": "film",
+    "adapters": "adapters",
+    "study": "study",
+    "sweep": "sweep",
+    "sb3": "stable_baselines3",
 }
 
 
@@ -29,7 +29,7 @@ def measured(monkeypatch) -> list[str]:
         return lambda *_: names.append(name) or {name: 1}
 
     for name, room in PARTS.items():
-        module = import_module(f"evenhand.{room}")
+        module = import_module(f"benchmarks.{room}")
         monkeypatch.setattr(module, "measure", measure(name))
         monkeypatch.setattr(module, "show", lambda found: print(*found))
     monkeypatch.setattr(versions, "stable_baselines3", lambda: None)
@@ -68,3 +68,19 @@ class TestWithoutStableBaselines3:
         with pytest.raises(InputError, match="it is not installed"):
             Bench(what="sb3").run("")
         assert measured == []
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--seconds", "nan"), "seconds is nan: give 0.01 to 600"),
+        (("--seconds", "0"), "seconds is 0.0: give 0.01 to 600"),
+        (("now",), "unexpected word 'now': options begin with --"),
+    ],
+)
+def test_wrong_words_get_one_sentence(capsys, words, sentence):
+    assert main(words) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert sentence in shown.err
+    assert "Traceback" not in shown.err

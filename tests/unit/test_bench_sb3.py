@@ -6,14 +6,14 @@ from support.extras import wanted
 
 wanted("stable_baselines3", "evenhand[sb3]")
 
-from evenhand import bench_sb3  # noqa: E402
-from evenhand.errors import InputError  # noqa: E402
+from benchmarks import stable_baselines3  # noqa: E402
+from evenhand.core.errors import InputError  # noqa: E402
 
 
 @pytest.mark.slow
 def test_all_sides_do_the_same_work(capsys, monkeypatch):
-    monkeypatch.setattr(bench_sb3, "_ROUNDS", 1)
-    found = bench_sb3.measure(4)
+    monkeypatch.setattr(stable_baselines3, "_ROUNDS", 1)
+    found = stable_baselines3.measure(4)
     sides = found["sb3_sides"]
     ours = sides["evenhand"]
     assert set(sides) == {"evenhand", "adapter", "guided", "sync", "dummy"}
@@ -24,7 +24,7 @@ def test_all_sides_do_the_same_work(capsys, monkeypatch):
         )
         assert side["gradient_steps"] == pytest.approx(ours["gradient_steps"], rel=0.5)
     assert 0 <= found["sb3_others"] <= 1
-    bench_sb3.show(found)
+    stable_baselines3.show(found)
     out = " ".join(capsys.readouterr().out.split())
     assert f"(other work took {found['sb3_others']:.0%} of" in out
     assert f"Gymnasium's environments take {found['sb3_ratio']} times as long" in out
@@ -32,4 +32,4 @@ def test_all_sides_do_the_same_work(capsys, monkeypatch):
 
 def test_no_epochs():
     with pytest.raises(InputError, match="epochs is 0"):
-        bench_sb3.measure(0)
+        stable_baselines3.measure(0)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from evenhand import bench_study as bench
-from evenhand.errors import InputError
+from benchmarks import study as bench
+from evenhand.core.errors import InputError
 from support.answered import protocol
 
 

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import robots
-from evenhand.errors import InputError
-from evenhand.experiments import calibrate
-from evenhand.experiments.calibrate import Calibration, Pool, Served
-from evenhand.robots import BIASES, MANNERS
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper import calibrate
+from evenhand.experiments.paper.calibrate import Calibration, Pool, Served
+from evenhand.restaurant import robots
+from evenhand.restaurant.robots import BIASES, MANNERS
 
 NAN = np.nan
 # One measured service of each manner, with distances and steps that tell the manners apart.

@@ -9,10 +9,10 @@ import jax
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.learn import checkpoint
-from evenhand.learn.policy import PolicySettings
-from evenhand.learn.update import Trajectories, UpdateSettings, make_learner, update
+from evenhand.core.errors import InputError
+from evenhand.training import checkpoint
+from evenhand.training.policy import PolicySettings
+from evenhand.training.update import Trajectories, UpdateSettings, make_learner, update
 
 N, L, OBS = 8, 10, 3
 SETTINGS = UpdateSettings(algorithm="ppo")

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from evenhand import robots
-from evenhand.experiments import claims
+from evenhand.experiments.paper import claims
+from evenhand.restaurant import robots
 from support.claimed import learned, made_demos, made_study
 
 YES, NO = "reproduced", "contradicted"

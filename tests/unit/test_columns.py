@@ -6,8 +6,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
+from evenhand.core.errors import InputError
+from evenhand.methods.services import Interactions
 
 GROUP = ["a", "b", "a", "b"]
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import hypergeom
 
-from evenhand import guidance, people, scenarios
-from evenhand.errors import InputError
-from evenhand.experiments import compare, compare_tables, origin
-from evenhand.experiments.compare_settings import (
+from evenhand.core.errors import InputError
+from evenhand.experiments import provenance
+from evenhand.experiments.comparison import compare, tables
+from evenhand.experiments.comparison import figures as figures_compare
+from evenhand.experiments.comparison.settings import (
     ALGORITHMS,
     ARMS,
     SCENARIOS,
@@ -21,10 +22,13 @@ from evenhand.experiments.compare_settings import (
     method_of,
     place,
 )
-from evenhand.interactions import Interactions
-from evenhand.learn import rivals, run
-from evenhand.learn.settings import TrainSettings
-from evenhand.report import figures, figures_compare
+from evenhand.methods import guidance
+from evenhand.methods.services import Interactions
+from evenhand.report import figure
+from evenhand.restaurant import people, scenarios
+from evenhand.training import run_folder
+from evenhand.training.rivals import methods
+from evenhand.training.settings import TrainSettings
 
 # --- what is run ---
 
@@ -33,7 +37,7 @@ def test_names_that_stand_twice_stand_alike():
     assert tuple(scenarios.SCENARIOS) == SCENARIOS
     kinds = {arm.guidance for arm in ARMS.values()}
     assert kinds == set(guidance.KINDS)
-    assert {arm.rival for arm in ARMS.values()} <= {"none", *rivals.RIVALS}
+    assert {arm.rival for arm in ARMS.values()} <= {"none", *methods.RIVALS}
     assert set(figures_compare.METHODS) == set(ARMS)
 
 
@@ -145,13 +149,13 @@ def test_only_runs_that_ended_as_they_would_now_count(tmp_path):
     cell, other = Cell("tips", "ppo", "levelup@2", 4), Cell("tips", "none", "reference", 11)
     for one, key in ((cell, compare.key_of(cell, 40, 300)), (other, "40 epochs, with other sense")):
         one.folder(tmp_path).mkdir(parents=True)
-        run.finish(one.folder(tmp_path), key, {"test": {}})
+        run_folder.finish(one.folder(tmp_path), key, {"test": {}})
     Cell("tips", "ppo", "service", 0).folder(tmp_path).mkdir(parents=True)
     assert list(compare.finished(tmp_path, 40, 300)) == [cell]
 
 
 def test_the_commit_is_named_or_missing():
-    found = origin.commit()
+    found = provenance.commit()
     assert found is None or (len(found["hash"]) == 40 and found["changed"] in (True, False))
 
 
@@ -176,7 +180,7 @@ def served(disabled: np.ndarray) -> Interactions:
 
 
 def test_numbers_by_hand():
-    found = compare_tables.numbers(served(np.arange(120) % 2 == 0))
+    found = tables.numbers(served(np.arange(120) % 2 == 0))
     # all 60 of 60 have the issue; by chance K of the 60 in the group do, and d = |2K - 60| / 60
     k = np.arange(61)
     chance = (hypergeom.pmf(k, 120, 60, 60) * np.abs(2 * k - 60) / 60).sum()
@@ -189,14 +193,14 @@ def test_numbers_by_hand():
 
 
 def test_a_small_group_is_not_the_worst():
-    found = compare_tables.numbers(served(np.arange(120) < 29))
+    found = tables.numbers(served(np.arange(120) < 29))
     assert found["worst_group_rate"] == pytest.approx(91 / 120)
-    assert compare_tables.numbers(served(np.arange(120) < 30))["worst_group_rate"] == 0.0
+    assert tables.numbers(served(np.arange(120) < 30))["worst_group_rate"] == 0.0
 
 
 # --- what seeds say together ---
 
-NUMBERS = dict.fromkeys(compare_tables.METRICS, 0.0)
+NUMBERS = dict.fromkeys(tables.METRICS, 0.0)
 
 
 def results(**arms: Any) -> dict[Cell, dict[str, float | None]]:
@@ -216,7 +220,7 @@ def results(**arms: Any) -> dict[Cell, dict[str, float | None]]:
 def summarised(found: dict[Cell, dict[str, float | None]], *head: str) -> dict[str, Any]:
     [row] = [
         row
-        for row in compare_tables.summary(found)
+        for row in tables.summary(found)
         if tuple(row[name] for name in ("scenario", "arm", "metric")) == head
     ]
     return row
@@ -262,10 +266,10 @@ def test_all_scenarios_are_pooled_for_arms_that_were_in_all():
     found = {
         cell: n for cell, n in found.items() if (cell.scenario, cell.arm) != ("tips", "levelup")
     }
-    pooled = {r["arm"] for r in compare_tables.summary(found) if r["scenario"] == "all"}
+    pooled = {r["arm"] for r in tables.summary(found) if r["scenario"] == "all"}
     assert pooled == {"service"}
     alone = {cell: n for cell, n in found.items() if cell.scenario == "tips"}
-    assert "all" not in {row["scenario"] for row in compare_tables.summary(alone)}
+    assert "all" not in {row["scenario"] for row in tables.summary(alone)}
 
 
 def test_what_is_added_leaves_the_other_rows_as_they_were():
@@ -273,16 +277,16 @@ def test_what_is_added_leaves_the_other_rows_as_they_were():
     more = results(
         service=[0.1, 0.2, 0.4], score=[0.1, 0.1, 0.3], levelup=[0.0, 0.1, 0.3]
     )  # fmt: skip
-    kept = [row for row in compare_tables.summary(more) if row["arm"] != "score"]
+    kept = [row for row in tables.summary(more) if row["arm"] != "score"]
     # as text, for a missing number is equal to none
-    assert str(kept) == str(compare_tables.summary(few))
+    assert str(kept) == str(tables.summary(few))
 
 
 def test_every_number_has_a_row():
     found = results(reference=[0.0], service=[0.1])
-    rows = compare_tables.tidy(found)
-    assert len(rows) == len(found) * len(compare_tables.METRICS)
-    assert set(rows[0]) == set(compare_tables.RESULTS)
+    rows = tables.tidy(found)
+    assert len(rows) == len(found) * len(tables.METRICS)
+    assert set(rows[0]) == set(tables.RESULTS)
     biased = {row["arm"]: row["value"] for row in rows if row["metric"] == "biased_epochs"}
     assert biased == {"reference": None, "service": 3.0}
 
@@ -291,7 +295,7 @@ def test_fronts_by_hand():
     found = results(**{"service": [0.2, 0.2], "levelup": [0.1, 0.1], "levelup@2": [0.05, 0.05]})
     for cell in [cell for cell in found if cell.arm == "levelup@2"]:
         found[cell] = found[cell] | {"perfect_rate": 0.5}
-    rows = {(r["scenario"], r["method"]): r for r in compare_tables.fronts(found)}
+    rows = {(r["scenario"], r["method"]): r for r in tables.fronts(found)}
     assert {scenario for scenario, _ in rows} == {"perception", "tips"}
     row = rows["tips", "levelup"]
     assert row["scale"] == pytest.approx(0.2)
@@ -302,7 +306,7 @@ def test_fronts_by_hand():
 
 
 def test_nearly_even_arms_are_not_told_apart_by_chance():
-    rows = compare_tables.fronts(results(service=[0.001], levelup=[0.0]))
+    rows = tables.fronts(results(service=[0.001], levelup=[0.0]))
     assert [row["scale"] for row in rows] == [0.05] * 4
     assert rows[0]["hypervolume"] == pytest.approx(0.9 * (1 - 0.001 / 0.05))
 
@@ -312,8 +316,8 @@ def test_nearly_even_arms_are_not_told_apart_by_chance():
 
 def test_a_figure_for_each_algorithm_shows_every_arm(tmp_path):
     found = results(reference=[0.0], service=[0.1], **{"levelup@2": [0.02]})
-    shown = compare_tables.shown(compare_tables.summary(found))
-    files = figures.write(tmp_path, figures_compare.draw_all(shown, 300))
+    shown = tables.shown(tables.summary(found))
+    files = figure.write(tmp_path, figures_compare.draw_all(shown, 300))
     assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()} == {
         "compare_ppo.svg", "compare_ppo-narrow.svg", "compare_ppo.pdf", "compare_ppo.csv",
     }  # fmt: skip
@@ -328,5 +332,5 @@ def test_a_figure_of_nothing_but_missing_numbers_is_empty_but_there(tmp_path):
     row = {name: nan for aim in ("corrected_total", "perfect_rate")
            for name in (aim, f"{aim}_low", f"{aim}_high")}  # fmt: skip
     head = {"scenario": "tips", "algorithm": "none", "arm": "untrained", "seeds": 0}
-    figures.write(tmp_path, figures_compare.draw_all([head | row], 300))
+    figure.write(tmp_path, figures_compare.draw_all([head | row], 300))
     assert (tmp_path / "compare_none.svg").exists()

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.experiments import compare_earlier
-from evenhand.experiments.compare_settings import Cell
-from evenhand.experiments.compare_tables import METRICS, RESULTS
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison import earlier
+from evenhand.experiments.comparison.settings import Cell
+from evenhand.experiments.comparison.tables import METRICS, RESULTS
 
 EPOCHS, SERVICES = 300, 5000
 CELLS = (Cell("tips", "ppo", "levelup", 0), Cell("tips", "none", "reference", 1))
@@ -34,7 +34,7 @@ def manifest() -> dict[str, object]:
     return {
         "settings": {"epochs": EPOCHS, "services": SERVICES},
         "fingerprints": {cell.arm: prints(cell.arm) for cell in CELLS},
-        **{name: f"some {name}" for name in compare_earlier.NOTED},
+        **{name: f"some {name}" for name in earlier.NOTED},
     }
 
 
@@ -46,15 +46,15 @@ def written(folder: Path, lines: list[list[str]], noted: dict[str, object]) -> P
     return path
 
 
-def load(path: Path) -> compare_earlier.Earlier:
-    return compare_earlier.load(path, EPOCHS, SERVICES, prints, "judge")
+def load(path: Path) -> earlier.Earlier:
+    return earlier.load(path, EPOCHS, SERVICES, prints, "judge")
 
 
 def test_it_is_said_where_all_runs_come_from(tmp_path):
     noted = manifest() | {"created": "2026-11-22", "run_seconds": 35610.1}
     noted["commit"] = {"hash": "b75a81a022fed6", "changed": False}
     path = written(tmp_path, rows(), noted)
-    assert compare_earlier.all_of_it(path, load(path)) == (
+    assert earlier.all_of_it(path, load(path)) == (
         f"nothing to run: all runs are taken from {path}, written 2026-11-22 by commit b75a81a022, "
         "after 9.9 h of computing"
     )
@@ -64,7 +64,7 @@ def test_what_runs_of_yet_earlier_ones_took_counts_too(tmp_path):
     before = {"run_seconds": 3600.0, "earlier": {"run_seconds": 7200, "earlier": None}}
     noted = manifest() | {"created": "2026-11-22", "run_seconds": 1800.0, "earlier": before}
     path = written(tmp_path, rows(), noted)
-    assert "after 3.5 h of computing" in compare_earlier.all_of_it(path, load(path))
+    assert "after 3.5 h of computing" in earlier.all_of_it(path, load(path))
 
 
 def test_every_run_is_taken(tmp_path):
@@ -72,7 +72,7 @@ def test_every_run_is_taken(tmp_path):
     assert set(found.results) == set(CELLS)
     assert found.results[CELLS[0]] == {name: float(k) for k, name in enumerate(METRICS)}
     assert found.results[CELLS[1]]["biased_epochs"] is None
-    assert found.manifest == {name: f"some {name}" for name in compare_earlier.NOTED}
+    assert found.manifest == {name: f"some {name}" for name in earlier.NOTED}
 
 
 def test_a_manifest_may_stand_beside_under_its_usual_name(tmp_path):
@@ -156,7 +156,7 @@ def test_a_table_of_nothing_and_a_sweep_are_refused(tmp_path):
     with pytest.raises(InputError, match="holds no runs: leave it out"):
         load(written(tmp_path, [], manifest()))
     # a sweep's manifest has none of a comparison's settings, and nothing of it is damaged
-    path = written(tmp_path, rows(), dict.fromkeys(compare_earlier.NOTED, 1))
+    path = written(tmp_path, rows(), dict.fromkeys(earlier.NOTED, 1))
     with pytest.raises(InputError) as caught:
         load(path)
     assert str(caught.value) == (
@@ -179,11 +179,11 @@ def test_other_versions_are_found_along_all_earlier_comparisons():
     old = {"versions": {"python": "3.11", "numpy": "1"}, "earlier": None}
     same = {"versions": {"python": "3.11", "numpy": "2"}, "earlier": old}
     for noted in (old, same):
-        [differs] = compare_earlier.other_versions(compare_earlier.Earlier({}, noted), here)
+        [differs] = earlier.other_versions(earlier.Earlier({}, noted), here)
         assert differs == 'numpy "1" there and "2" here'
     same["earlier"] = None
-    assert compare_earlier.other_versions(compare_earlier.Earlier({}, same), here) == []
-    assert compare_earlier.other_versions(None, here) == []
+    assert earlier.other_versions(earlier.Earlier({}, same), here) == []
+    assert earlier.other_versions(None, here) == []
 
 
 def test_a_table_without_manifest_or_of_something_else_is_refused(tmp_path):

@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from evenhand import files
-from evenhand.errors import InputError
-from evenhand.experiments import compare, origin
-from evenhand.experiments.compare_settings import Cell, CompareSettings
-from evenhand.learn import run
+from evenhand.core import files
+from evenhand.core.errors import InputError
+from evenhand.experiments import provenance
+from evenhand.experiments.comparison import compare
+from evenhand.experiments.comparison.settings import Cell, CompareSettings
+from evenhand.training import run_folder
 
 REFERENCE = Cell("tips", "none", "reference", 0)
 
@@ -30,7 +31,7 @@ def edit(path: Path, **changes: Any) -> None:
 
 
 def older(**changes: str) -> dict[str, str]:
-    return run.versions() | changes
+    return run_folder.versions() | changes
 
 
 @pytest.fixture
@@ -46,10 +47,10 @@ def manifest(folder: Path) -> dict[str, Any]:
 def test_runs_note_what_made_them_and_other_versions_are_not_mixed(folder):
     note = REFERENCE.folder(folder) / "done.json"
     done = files.read_json(note)
-    assert done["versions"] == run.versions()
-    assert done["commit"] == origin.commit()
+    assert done["versions"] == run_folder.versions()
+    assert done["commit"] == provenance.commit()
     assert done["world"]["tips"] == 1.0
-    assert manifest(folder)["made_with"] == [origin.now() | {"runs": 1}]
+    assert manifest(folder)["made_with"] == [provenance.now() | {"runs": 1}]
     edit(note, versions=older(mujoco="3.9.9"))
     with pytest.raises(InputError, match=r'seed-00 was begun with other versions .mujoco "3.9.9"'):
         go(folder, seeds=2)
@@ -57,7 +58,7 @@ def test_runs_note_what_made_them_and_other_versions_are_not_mixed(folder):
     edit(note, versions=older(python="3.0"), commit={"hash": "ab" * 20, "changed": False})
     go(folder, seeds=2)
     versions = [one["versions"]["python"] for one in manifest(folder)["made_with"]]
-    assert versions == ["3.0", run.versions()["python"]]
+    assert versions == ["3.0", run_folder.versions()["python"]]
     edit(note, world=done["world"] | {"tips": 0.5})
     with pytest.raises(InputError, match=r"another scenario .* .world.tips 0.5 there and 1.0 here"):
         go(folder)
@@ -95,7 +96,7 @@ def test_a_joined_scenario_counts_once_in_whichever_order_it_was_written(tmp_pat
     old = Cell("tips+perception", "none", "reference", 0)
     for cell in (old, Cell("tips", "none", "reference", 0)):
         cell.folder(tmp_path).mkdir(parents=True)
-        run.finish(cell.folder(tmp_path), compare.key_of(cell, 2, 300), {"test": {}})
+        run_folder.finish(cell.folder(tmp_path), compare.key_of(cell, 2, 300), {"test": {}})
     assert [cell.scenario for cell in compare.finished(tmp_path, 2, 300)] == [
         "tips", "perception+tips",
     ]  # fmt: skip
@@ -109,6 +110,6 @@ def test_other_versions_of_an_earlier_comparison_are_told(folder, tmp_path):
     page = (tmp_path / "next" / "report.html").read_text()
     assert "Earlier runs were made with other versions than the last call" in page
     assert json.loads((tmp_path / "next" / "manifest.json").read_text())["seeds"] == [0, 1]
-    edit(folder / "manifest.json", versions=run.versions())
+    edit(folder / "manifest.json", versions=run_folder.versions())
     assert len(go(tmp_path / "third", earlier=folder / "results.csv")) == 1
     assert "Earlier runs were made" not in (tmp_path / "third" / "report.html").read_text()

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from evenhand import scenarios
-from evenhand.errors import InputError
-from evenhand.experiments import compare_tables
-from evenhand.experiments.compare_settings import Cell, CompareSettings
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison import tables
+from evenhand.experiments.comparison.settings import Cell, CompareSettings
+from evenhand.restaurant import scenarios
 
 # level-up halves unevenness wherever it is, and the reference robot has none
 TOTALS = {
@@ -24,17 +24,15 @@ def pooled(seeds: Seeds, metric: str = "corrected_total") -> dict[str, dict[str,
     found: dict[Cell, dict[str, float | None]] = {}
     for scenario, arms in TOTALS.items():
         for seed in range(10):
-            found[Cell(scenario, "none", "reference", seed)] = dict.fromkeys(
-                compare_tables.METRICS, 0.0
-            )
+            found[Cell(scenario, "none", "reference", seed)] = dict.fromkeys(tables.METRICS, 0.0)
         for arm, total in arms.items():
             for seed in seeds[scenario][arm]:
                 cell = Cell(scenario, "ppo", arm, seed)
                 # seeds scatter around their total, by pairs that take each other up
                 wave = 0.01 * (-1) ** seed
-                found[cell] = dict.fromkeys(compare_tables.METRICS, total + wave * total)
-    rows = compare_tables.summary(found)
-    assert {row["metric"] for row in rows} == set(compare_tables.METRICS)
+                found[cell] = dict.fromkeys(tables.METRICS, total + wave * total)
+    rows = tables.summary(found)
+    assert {row["metric"] for row in rows} == set(tables.METRICS)
     return {
         row["arm"]: row
         for row in rows

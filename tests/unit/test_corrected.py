@@ -12,13 +12,13 @@ from sklearn.model_selection import StratifiedGroupKFold, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from evenhand.detector_report import wilson
-from evenhand.experiments import corrected
-from evenhand.experiments.demos import Demos, Study
-from evenhand.interactions import Interactions
-from evenhand.judgements import IDENTITIES
-from evenhand.people import IDENTITIES as PEOPLE
-from evenhand.study.respondents import Judgements
+from evenhand.experiments.paper import corrected_detector
+from evenhand.experiments.paper.demonstrations import Demos, Study
+from evenhand.methods.services import Interactions
+from evenhand.methods.vocabulary import IDENTITIES
+from evenhand.restaurant.people import IDENTITIES as PEOPLE
+from evenhand.statistics.detector_accuracy import wilson
+from evenhand.study.simulated.respondents import Judgements
 
 WINDOWS, SEED = 60, 4
 SHOWN = np.arange(WINDOWS) % 4
@@ -101,7 +101,7 @@ def made_study() -> Study:
 
 
 def test_the_gap_of_an_even_robot_is_taken_out():
-    seen = corrected.seen_without_chance(DEMOS, made_study())
+    seen = corrected_detector.seen_without_chance(DEMOS, made_study())
     assert seen.shape == (WINDOWS, 4)
     for window in range(0, WINDOWS, 7):
         expected = excess_by_loops(window, IDENTITIES[SHOWN[window]])
@@ -110,8 +110,8 @@ def test_the_gap_of_an_even_robot_is_taken_out():
 
 def test_nobody_who_judged_is_in_training_and_test():
     study = made_study()
-    record = corrected.side_by_side(DEMOS, study, SEED)[1]
-    scores = corrected.seen_without_chance(DEMOS, study)
+    record = corrected_detector.side_by_side(DEMOS, study, SEED)[1]
+    scores = corrected_detector.seen_without_chance(DEMOS, study)
     pipeline = make_pipeline(StandardScaler(), PCA(3), LogisticRegression(max_iter=1000))
     predicted = cross_val_predict(
         pipeline,
@@ -134,7 +134,7 @@ def test_nobody_who_judged_is_in_training_and_test():
 
 def test_the_others_are_counted_by_hand():
     study = made_study()
-    raw, _, threshold, people = corrected.side_by_side(DEMOS, study, SEED)
+    raw, _, threshold, people = corrected_detector.side_by_side(DEMOS, study, SEED)
     assert [raw.judge, threshold.judge, people.judge] == ["raw", "threshold", "respondents"]
     said, manual, flagged = (
         [bool(x) for x in column]
@@ -164,7 +164,7 @@ def test_a_window_that_the_raw_detector_leaves_out_is_left_out():
     study = made_study()
     study.seen[[0, 1]] = np.nan
     study.evaluation.probability = study.evaluation.probability[2:]  # type: ignore[misc]
-    records = corrected.side_by_side(DEMOS, study, SEED)
+    records = corrected_detector.side_by_side(DEMOS, study, SEED)
     # of the first two windows one is even
     assert [record.false_alarms.n for record in records] == [19] * 4
     assert records[1].accuracy is not None

@@ -7,23 +7,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import issues
-from evenhand.experiments import demos
-from evenhand.experiments.demos import KINDS, Demos
-from evenhand.interactions import Interactions
-from evenhand.judgements import IDENTITIES
+from evenhand.experiments.paper import demonstrations
+from evenhand.experiments.paper.demonstrations import KINDS, Demos
+from evenhand.methods.paper import issues
+from evenhand.methods.services import Interactions
+from evenhand.methods.vocabulary import IDENTITIES
 
 WINDOWS = 40
 
 
 class TestDesign:
     def test_four_robots_take_turns_and_there_is_no_sexist_one(self):
-        robot, _, _ = demos.design(10, seed=1)
+        robot, _, _ = demonstrations.design(10, seed=1)
         named = [KINDS[code] for code in robot]
         assert named == [*("even", "racist", "ageist", "ableist") * 2, "even", "racist"]
 
     def test_six_in_ten_of_the_biased_windows_are_at_full_strength(self):
-        robot, strength, _ = demos.design(1000, seed=1)
+        robot, strength, _ = demonstrations.design(1000, seed=1)
         for code in (1, 2, 3):
             mine = strength[robot == code]
             assert (mine == 1.0).sum() == 150
@@ -33,7 +33,7 @@ class TestDesign:
         assert (strength[robot == 0] == 0.0).all()
 
     def test_even_robots_err_alike_to_everybody(self):
-        robot, _, sloppiness = demos.design(1000, seed=1)
+        robot, _, sloppiness = demonstrations.design(1000, seed=1)
         assert (sloppiness[robot > 0] == 0.0).all()
         even = sloppiness[robot == 0]
         assert even.min() >= 0.0
@@ -41,14 +41,14 @@ class TestDesign:
         assert 0.29 < even.max() <= 0.3
 
     def test_the_seed_decides(self):
-        first, again, other = (demos.design(100, seed)[1] for seed in (1, 1, 2))
+        first, again, other = (demonstrations.design(100, seed)[1] for seed in (1, 1, 2))
         np.testing.assert_array_equal(first, again)
         assert (first != other).any()
 
 
 def run(folder: Path, windows: int = WINDOWS, seed: int = 5) -> list[tuple[int, dict[str, Any]]]:
     told: list[tuple[int, dict[str, Any]]] = []
-    for task in demos.tasks(windows, seed, "uniform", folder):
+    for task in demonstrations.tasks(windows, seed, "uniform", folder):
         task.run(tell=lambda units, numbers: told.append((units, numbers)), **task.arguments)
     return told
 
@@ -62,7 +62,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def made(folder) -> Demos:
-    return demos.load(WINDOWS, 5, folder)
+    return demonstrations.load(WINDOWS, 5, folder)
 
 
 class TestServices:
@@ -91,19 +91,19 @@ class TestServices:
         assert [units for units, _ in told] == [25 * 30, 15 * 30]
         assert told[0][1]["physics_steps"] == 0
         assert told[1][1]["physics_steps"] == made.table.fact("steps")[25 * 30 :].sum()
-        assert demos.load(WINDOWS, 5, tmp_path).table == made.table
+        assert demonstrations.load(WINDOWS, 5, tmp_path).table == made.table
 
     def test_another_seed_meets_other_people(self, made, tmp_path):
         run(tmp_path, windows=4, seed=6)
-        other = demos.load(4, 6, tmp_path).table
+        other = demonstrations.load(4, 6, tmp_path).table
         assert (other.identity("race")[0] != made.table.identity("race")[0][:120]).any()
 
 
 class TestStudy:
     @pytest.fixture(scope="class")
     @staticmethod
-    def study(made) -> demos.Study:
-        return demos.study(made, seed=5)
+    def study(made) -> demonstrations.Study:
+        return demonstrations.study(made, seed=5)
 
     def test_scores_are_those_of_each_window_and_identity(self, made, study):
         assert study.scores.shape == (WINDOWS, 4, 4)
@@ -132,7 +132,7 @@ class TestStudy:
         assert study.evaluation.n == WINDOWS
 
     def test_the_same_seed_the_same_study(self, made, study):
-        again = demos.study(made, seed=5)
+        again = demonstrations.study(made, seed=5)
         np.testing.assert_array_equal(again.said.biased, study.said.biased)
         np.testing.assert_array_equal(again.shown, study.shown)
         assert again.detector == study.detector
@@ -140,12 +140,12 @@ class TestStudy:
 
 def test_a_window_with_a_score_that_cannot_be_said_is_incomplete():
     scores = np.array([[0.5, 0.0, 0.0, 1.0], [0.5, np.nan, 0.0, 1.0], [np.nan] * 4])
-    np.testing.assert_array_equal(demos.complete(scores), [True, False, False])
+    np.testing.assert_array_equal(demonstrations.complete(scores), [True, False, False])
 
 
 def test_means_of_rows_by_hand():
     rows = np.array([[1.0, 3.0, np.nan], [np.nan] * 3, [2.0, 2.0, 5.0]])
-    np.testing.assert_array_equal(demos.row_means(rows), [2.0, np.nan, 3.0])
+    np.testing.assert_array_equal(demonstrations.row_means(rows), [2.0, np.nan, 3.0])
 
 
 def test_behaviour_counts_people_in_thirty():
@@ -160,7 +160,9 @@ def test_behaviour_counts_people_in_thirty():
             "response_step": np.ma.array(np.where(window == 1, 50, 150), mask=~responded),
         },
     )
-    found = demos.behaviour(Demos(table, np.array([1, 1, 1]), np.array([1.0, 1.0, 0.5])), "racist")
+    found = demonstrations.behaviour(
+        Demos(table, np.array([1, 1, 1]), np.array([1.0, 1.0, 0.5])), "racist"
+    )
     assert found["ignore_rate"].tolist() == [3.0, 0.0]
     assert found["mean_response_distance"] == pytest.approx([(12 + 30) / 27, 1.5])
     assert found["mean_response_time"].tolist() == [150.0, 50.0]

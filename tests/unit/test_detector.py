@@ -14,8 +14,8 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from evenhand.detector import Detector, fit
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.detector import Detector, fit
 
 SIMULATED = "simulated respondents"
 SIGNATURES = {
@@ -267,8 +267,9 @@ def test_judging_refuses_wrong_shapes() -> None:
 
 def test_judging_does_not_load_scikit_learn() -> None:
     code = (
-        "import sys, evenhand.detector, evenhand.detector_io, evenhand.detector_report\n"
-        "import evenhand.study.respondents\n"
+        "import sys, evenhand.methods.paper.detector, evenhand.methods.detector_file\n"
+        "import evenhand.statistics.detector_accuracy\n"
+        "import evenhand.study.simulated.respondents\n"
         "sys.exit('sklearn' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

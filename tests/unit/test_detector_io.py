@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand.detector import Detector
-from evenhand.detector_io import load, read_answers, save
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
+from evenhand.methods.detector_file import load, read_answers, save
+from evenhand.methods.paper.detector import Detector
 
 DETECTOR = Detector(
     issues=("willingness", "quality"),

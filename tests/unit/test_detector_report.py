@@ -13,8 +13,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from statsmodels.stats.proportion import proportion_confint
 
-from evenhand.detector_report import evaluate, wilson
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
+from evenhand.statistics.detector_accuracy import evaluate, wilson
 
 SOURCE = "simulated respondents"
 

@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
-from evenhand import detector_io, issues, people
-from evenhand.detector import Detector
-from evenhand.learn import epoch
-from evenhand.restaurant import layout, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.methods import detector_file
+from evenhand.methods.paper import issues
+from evenhand.methods.paper.detector import Detector
+from evenhand.restaurant import people
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.training import epoch
 
-DETECTOR = detector_io.load(detector_io.SHIPPED)
+DETECTOR = detector_file.load(detector_file.SHIPPED)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +25,7 @@ def served() -> tuple[layout.Setups, serve.Services]:
         return np.where(rows % 2 == 0, 0.06, 0.0)
 
     return setups, serve.serve(
-        Lanes(16, task.TaskSettings()), setups, robot, rng, senses.SenseSettings()
+        Lanes(16, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings()
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError, nearest, unknown, whole
+from evenhand.core.errors import InputError, nearest, unknown, whole
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from evenhand import files
-from evenhand.errors import InputError
+from evenhand.core import files
+from evenhand.core.errors import InputError
 
 
 class TestText:
@@ -150,7 +150,7 @@ class TestLock:
     OTHER = """
 import sys
 from pathlib import Path
-from evenhand import files
+from evenhand.core import files
 try:
     with files.locked(Path(sys.argv[1])):
         print("free")

@@ -23,8 +23,8 @@ def test_both_pages_are_made_of_every_source(build):
     names = {path.name for path in build.sources()}
     assert {"main.ts", "walk.ts", "study.css", "index.html", "package-lock.json"} <= names
     assert [path.relative_to(build.PACKAGE).as_posix() for path in build.OUTPUTS] == [
-        "replay/static/replay.js", "study/static/index.html", "study/static/study.css",
-        "study/static/study.js",
+        "restaurant/replay/static/replay.js", "study/server/static/index.html",
+        "study/server/static/study.css", "study/server/static/study.js",
     ]  # fmt: skip
 
 

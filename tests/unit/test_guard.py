@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.errors import InputError
-from evenhand.guard import Guard, GuardSettings, watch, weight, worse
-from evenhand.issues import Counts
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.guard import Guard, GuardSettings, watch, weight, worse
+from evenhand.methods.paper.issues import Counts
 
 SETTINGS = GuardSettings()
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand import guidance, issues
-from evenhand.errors import InputError
-from evenhand.guidance import (
+from evenhand.core.errors import InputError
+from evenhand.methods import guidance
+from evenhand.methods.guidance import (
     SERVICE_KINDS,
     STRENGTH,
     TAU,
@@ -16,6 +16,7 @@ from evenhand.guidance import (
     evenness_reward,
     guided,
 )
+from evenhand.methods.paper import issues
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])

@@ -6,12 +6,12 @@ import jax
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.learn import imitate, train
-from evenhand.learn.batches import Trajectories
-from evenhand.learn.policy import response_probability
-from evenhand.learn.settings import TrainSettings
-from evenhand.learn.view import view
+from evenhand.restaurant import people
+from evenhand.training import imitation, train
+from evenhand.training.batches import Trajectories
+from evenhand.training.observation import view
+from evenhand.training.policy import response_probability
+from evenhand.training.settings import TrainSettings
 
 SETTINGS = TrainSettings(preset="service", scenario="prejudiced")
 SERVICES = 600
@@ -29,7 +29,7 @@ OTHERS = np.array(
 
 def demonstrations(settings: TrainSettings, seed: int = 0) -> Trajectories:
     world, rng = settings.world, np.random.default_rng(seed)
-    shown = imitate.demonstrate(
+    shown = imitation.demonstrate(
         world.prejudice, world.population, settings.task, settings.sensor, settings.needs, rng
     )
     return shown._replace(obs=view(settings, np.asarray(shown.obs)))
@@ -55,11 +55,11 @@ def seen(codes: np.ndarray, distance: float, seconds: float) -> np.ndarray:
 def learned():
     """Learner before and after some demonstrations."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(imitate, "SERVICES", SERVICES)
+        patch.setattr(imitation, "SERVICES", SERVICES)
         shown = demonstrations(SETTINGS)
         before = train.untrained(SETTINGS)
         kept = [np.array(leaf) for leaf in jax.tree.leaves(before)]
-        after = imitate.imitate(before, shown, np.random.default_rng(1))
+        after = imitation.imitate(before, shown, np.random.default_rng(1))
         for old, leaf in zip(kept, jax.tree.leaves(before), strict=True):
             np.testing.assert_array_equal(old, leaf)  # what was given stays as it was
         yield before, after, shown
@@ -83,7 +83,7 @@ def test_what_was_shown_becomes_more_likely(learned):
 
 
 def test_so_does_what_was_not_shown(learned, monkeypatch):
-    monkeypatch.setattr(imitate, "SERVICES", SERVICES)
+    monkeypatch.setattr(imitation, "SERVICES", SERVICES)
     before, after, _ = learned
     others = demonstrations(SETTINGS, seed=5)
     assert likelihood(after.policy, others) > likelihood(before.policy, others) + 0.01
@@ -107,12 +107,14 @@ def test_before_it_treats_all_alike(learned):
 
 def test_robots_without_bias_leave_no_gap(monkeypatch):
     """Strength 0: whoever asks is served properly, and so the clone responds to both."""
-    monkeypatch.setattr(imitate, "SERVICES", SERVICES)
+    monkeypatch.setattr(imitation, "SERVICES", SERVICES)
     rng = np.random.default_rng(0)
-    shown = imitate.demonstrate(0.0, "uniform", SETTINGS.task, SETTINGS.sensor, SETTINGS.needs, rng)
+    shown = imitation.demonstrate(
+        0.0, "uniform", SETTINGS.task, SETTINGS.sensor, SETTINGS.needs, rng
+    )
     assert (shown.action.sum(axis=1) == 1).all()
     shown = shown._replace(obs=view(SETTINGS, np.asarray(shown.obs)))
-    after = imitate.imitate(train.untrained(SETTINGS), shown, rng)
+    after = imitation.imitate(train.untrained(SETTINGS), shown, rng)
     worse = np.asarray(response_probability(after.policy, seen(WORSE, 1.15, 2.5)))
     others = np.asarray(response_probability(after.policy, seen(OTHERS, 1.15, 2.5)))
     assert min(worse.mean(), others.mean()) >= 0.8
@@ -136,7 +138,7 @@ def test_critic_and_optimiser_stay(learned):
 
 def test_the_same_seed_imitates_the_same(learned):
     before, after, shown = learned
-    again = imitate.imitate(before, shown, np.random.default_rng(1))
+    again = imitation.imitate(before, shown, np.random.default_rng(1))
     for old, new in zip(jax.tree.leaves(after), jax.tree.leaves(again), strict=True):
         np.testing.assert_array_equal(old, new)
 
@@ -144,7 +146,7 @@ def test_the_same_seed_imitates_the_same(learned):
 @pytest.fixture
 def few(monkeypatch):
     """Few demonstrations, and nothing of them kept for other tests."""
-    monkeypatch.setattr(imitate, "SERVICES", 60)
+    monkeypatch.setattr(imitation, "SERVICES", 60)
     train.begin.cache_clear()
     yield
     train.begin.cache_clear()
@@ -153,7 +155,7 @@ def few(monkeypatch):
 def test_training_is_held_near_it_in_its_scenario_only(few):
     held = train.anchor(SETTINGS)
     assert held is not None
-    assert held.weight == imitate.PULL
+    assert held.weight == imitation.PULL
     for old, new in zip(
         jax.tree.leaves(train.begin(SETTINGS).policy), jax.tree.leaves(held.policy), strict=True
     ):

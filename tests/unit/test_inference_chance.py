@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from evenhand.errors import InputError
-from evenhand.inference import chance, intervals
-from evenhand.issues import Counts
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics import chance, intervals
 
 NAN = np.nan
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import beta, betabinom
 
-from evenhand.errors import InputError
-from evenhand.inference import intersections
+from evenhand.core.errors import InputError
+from evenhand.statistics import intersections
 
 NAN = np.nan
 

@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
-from evenhand.errors import InputError
-from evenhand.inference import intervals
-from evenhand.issues import Counts
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics import intervals
 
 NAN = np.nan
 CELLS = [(70, 56, 80, 48), (10, 9, 10, 3), (10, 0, 20, 0), (5, 5, 7, 0), (3, 0, 900, 400)]

@@ -10,10 +10,10 @@ from scipy.stats import binom, fisher_exact
 from statsmodels.stats.contingency_tables import StratifiedTable
 from statsmodels.stats.multitest import multipletests
 
-from evenhand import issues
-from evenhand.errors import InputError
-from evenhand.inference import chance, permutation, windows
-from evenhand.issues import Counts
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics import chance, permutation, windows
 
 NAN = np.nan
 

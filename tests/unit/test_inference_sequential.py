@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from evenhand import issues
-from evenhand.errors import InputError
-from evenhand.inference import sequential
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.statistics import sequential
 
 NAN = np.nan
 

@@ -5,10 +5,10 @@ import pytest
 from statsmodels.stats.contingency_tables import StratifiedTable
 from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
-from evenhand.errors import InputError
-from evenhand.inference.permutation import studentised
-from evenhand.inference.strata import mantel_haenszel
-from evenhand.issues import Counts
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics.permutation import studentised
+from evenhand.statistics.strata import mantel_haenszel
 
 
 def part(n: int, x: int, m: int, y: int) -> Counts:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from statsmodels.duration.survfunc import SurvfuncRight, survdiff
 
-from evenhand.errors import InputError
-from evenhand.inference import survival
-from evenhand.interactions import Interactions
+from evenhand.core.errors import InputError
+from evenhand.methods.services import Interactions
+from evenhand.statistics import survival
 
 NAN = np.nan
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.errors import InputError
-from evenhand.inference import permutation, tables
+from evenhand.core.errors import InputError
+from evenhand.statistics import count_tables, permutation
 
 NAN = np.nan
 PERMUTATIONS = 4000
@@ -44,12 +44,12 @@ def possible_tables(margin_rows, margin_columns):
 
 @pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
 def test_every_table_comes_as_often_as_factorials_say(cheaper, monkeypatch):
-    monkeypatch.setattr(tables, "CHEAPER", cheaper)
+    monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     table = np.array([[2, 0, 1], [0, 2, 1], [1, 0, 1]])
     expected = dict(possible_tables([3, 3, 2], [3, 2, 3]))
     assert math.isclose(sum(expected.values()), 1.0)
     b = 20_000
-    drawn = np.stack([*tables.random_tables(table, b, np.random.default_rng(0))])
+    drawn = np.stack([*count_tables.random_tables(table, b, np.random.default_rng(0))])
     assert drawn.shape == (3, 3, b)
     found, times = np.unique(drawn.reshape(9, b).T, axis=0, return_counts=True)
     seen = {tuple(cells): count for cells, count in zip(found.tolist(), times, strict=True)}
@@ -61,7 +61,7 @@ def test_every_table_comes_as_often_as_factorials_say(cheaper, monkeypatch):
 @pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
 @pytest.mark.parametrize("strata", [None, [0, 0, 1, 1, 1, 0]])
 def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypatch):
-    monkeypatch.setattr(tables, "CHEAPER", cheaper)
+    monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     given = None if strata is None else np.array(strata)
     place = np.zeros(7, int) if strata is None else rows(strata, N)
     every = np.array([*itertools.permutations(range(7))])
@@ -69,7 +69,7 @@ def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypat
     exact = permutation.against_orders(
         rows(X, N), rows(INSIDE, N), [every], None if strata is None else place
     )
-    found = tables.table_test(X, INSIDE, N, np.random.default_rng(1), PERMUTATIONS, given)
+    found = count_tables.table_test(X, INSIDE, N, np.random.default_rng(1), PERMUTATIONS, given)
     np.testing.assert_allclose(found.statistic, exact.statistic)
     assert near(found.p, exact.p, PERMUTATIONS).all()
     assert near(found.p_adjusted, exact.p_adjusted, PERMUTATIONS).all()
@@ -80,9 +80,9 @@ def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypat
     assert near(np.array(found.p_total), np.array(exact.p_total), PERMUTATIONS)
 
 
-@pytest.mark.parametrize("cheaper", [0, tables.CHEAPER], ids=["dealt", "as chosen"])
+@pytest.mark.parametrize("cheaper", [0, count_tables.CHEAPER], ids=["dealt", "as chosen"])
 def test_the_same_as_shuffling_a_row_for_each_service(cheaper, monkeypatch):
-    monkeypatch.setattr(tables, "CHEAPER", cheaper)
+    monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     rng = np.random.default_rng(2)
     codes = rng.integers(0, (3, 4), (200, 2))
     inside = np.concatenate([codes[:, [0]] == range(3), codes[:, [1]] == range(4)], axis=1)
@@ -92,7 +92,7 @@ def test_the_same_as_shuffling_a_row_for_each_service(cheaper, monkeypatch):
     by_rows = permutation.permutation_test(
         rows(x, n), rows(inside, n).astype(float), rng, b, rows(strata, n)
     )
-    found = tables.table_test(x, inside, n, rng, b, strata)
+    found = count_tables.table_test(x, inside, n, rng, b, strata)
     np.testing.assert_allclose(found.statistic, by_rows.statistic)
     for a, e in ((found.p, by_rows.p), (found.p_adjusted, by_rows.p_adjusted)):
         # Both are drawn: five standard errors of a difference.
@@ -115,7 +115,7 @@ def test_scipy_s_permutation_test_of_one_gap():
         alternative="greater",
         rng=np.random.default_rng(3),
     ).pvalue
-    found = tables.table_test(x, inside, table.ravel(), np.random.default_rng(4), 9999)
+    found = count_tables.table_test(x, inside, table.ravel(), np.random.default_rng(4), 9999)
     assert found.p[0, 0] == pytest.approx(oracle, abs=5 * math.sqrt(2 * oracle / 9999))
     assert 0.05 < oracle < 0.15
 
@@ -123,7 +123,7 @@ def test_scipy_s_permutation_test_of_one_gap():
 def test_ten_million_services_follow_the_normal_law():
     n = np.array([500_900, 4_499_100, 500_000, 4_500_000])
     x, inside = np.array([[1], [0], [1], [0.0]]), np.array([[1, 0], [1, 0], [0, 1], [0, 1.0]])
-    found = tables.table_test(x, inside, n, np.random.default_rng(5), PERMUTATIONS)
+    found = count_tables.table_test(x, inside, n, np.random.default_rng(5), PERMUTATIONS)
     # 900 more cases among 5 million: half of it, 450, over sqrt(N r (1 − r) / 4), r = 0.10009.
     z = 450 / math.sqrt(10_000_000 * 0.10009 * 0.89991 / 4)
     assert found.statistic[:, 0] == pytest.approx([z, -z], rel=1e-6)
@@ -137,14 +137,14 @@ def test_ten_million_services_follow_the_normal_law():
 @pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
 def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monkeypatch):
     def test(seed):
-        return tables.table_test(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
+        return count_tables.table_test(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
 
-    monkeypatch.setattr(tables, "CHEAPER", cheaper)
+    monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     whole = test(8)
-    monkeypatch.setattr(tables, "CELLS", 2000)
+    monkeypatch.setattr(count_tables, "CELLS", 2000)
     found = {}
     for threads in (1, 2, 3):
-        monkeypatch.setattr(tables, "THREADS", threads)
+        monkeypatch.setattr(count_tables, "THREADS", threads)
         found[threads] = test(8)
     for threads in (2, 3):
         np.testing.assert_array_equal(found[threads].p, found[1].p)
@@ -157,8 +157,8 @@ def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monk
 def test_kinds_of_people_once_and_rows_without_services():
     kinds, who = np.array([[1, 0], [0, 1]], bool), np.array([0, 1, 1, 0, 1])
     x, n = np.array([[1], [0], [1], [0], [1.0]]), np.array([8, 9, 3, 4, 0])
-    short = tables.table_test(x, kinds, n, np.random.default_rng(6), 500, who=who)
-    long = tables.table_test(
+    short = count_tables.table_test(x, kinds, n, np.random.default_rng(6), 500, who=who)
+    long = count_tables.table_test(
         x[:4], kinds[who[:4]].astype(float), n[:4], np.random.default_rng(6), 500
     )
     np.testing.assert_array_equal(short.p_adjusted, long.p_adjusted)
@@ -169,7 +169,7 @@ def test_kinds_of_people_once_and_rows_without_services():
 def test_the_total_of_the_first_groups_only():
     x, n = np.array([[1], [0], [1], [0.0]]), np.array([3, 1, 2, 6])
     inside = np.array([[1, 1, 0], [1, 0, 1], [0, 1, 0], [0, 0, 0.0]])
-    found = tables.table_test(x, inside, n, np.random.default_rng(7), 99, totalled=1)
+    found = count_tables.table_test(x, inside, n, np.random.default_rng(7), 99, totalled=1)
     assert found.total == pytest.approx(3 / 4 - 2 / 8)
 
 
@@ -191,4 +191,4 @@ def test_wrong_input():
     ]
     for given, named, part in cases:
         with pytest.raises(InputError, match=part):
-            tables.table_test(given[0], given[1], given[2], rng, **named)
+            count_tables.table_test(given[0], given[1], given[2], rng, **named)

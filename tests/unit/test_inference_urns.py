@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.inference.urns import deal
+from evenhand.statistics.urns import deal
 
 DRAWS = 40_000
 

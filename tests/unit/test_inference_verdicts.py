@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import binom, norm
 from statsmodels.stats.proportion import samplesize_proportions_2indep_onetail
 
-from evenhand.errors import InputError
-from evenhand.inference import power, verdicts
-from evenhand.inference.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, VerdictSettings
-from evenhand.issues import Counts, count
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Counts, count
+from evenhand.statistics import power, verdicts
+from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, VerdictSettings
 
 NAN = np.nan
 

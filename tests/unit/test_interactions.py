@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.interactions import FACTS, Interactions
+from evenhand.core.errors import InputError
+from evenhand.methods.services import FACTS, Interactions
 
 AGES = ("Child", "Adult", "Elder")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from fairlearn.metrics import demographic_parity_difference
 
-from evenhand import issues
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
-from evenhand.issues import PAPER_ISSUES, Thresholds, paper_issues
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import PAPER_ISSUES, Thresholds, paper_issues
+from evenhand.methods.services import Interactions
 
 NAN = np.nan
 

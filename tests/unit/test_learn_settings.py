@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from evenhand import guidance
-from evenhand.errors import InputError
-from evenhand.learn.settings import TrainSettings, settings_of
-from evenhand.restaurant.needs import NeedSettings
-from evenhand.restaurant.senses import SenseSettings
-from evenhand.scenarios import Scenario
+from evenhand.core.errors import InputError
+from evenhand.methods import guidance
+from evenhand.restaurant.scenarios import Scenario
+from evenhand.restaurant.scenarios.needs import NeedSettings
+from evenhand.restaurant.scenarios.sensing import SenseSettings
+from evenhand.training.settings import TrainSettings, settings_of
 
 
 def told(kind: Any) -> guidance.GuidanceSettings:

@@ -13,16 +13,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import credit, people
-from evenhand.credit import CreditSettings
-from evenhand.guidance import KINDS
-from evenhand.issues import Counts
-from evenhand.learn import lesson, rivals, train
-from evenhand.learn.past import Past
-from evenhand.learn.policy import state_values
-from evenhand.learn.rival_epoch import EpochOutcome, to_arrays
-from evenhand.learn.settings import TrainSettings
-from evenhand.restaurant import layout
+from evenhand.methods.beyond import levelup
+from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.guidance import KINDS
+from evenhand.methods.paper.issues import Counts
+from evenhand.restaurant import people
+from evenhand.restaurant.simulation import layout
+from evenhand.training import advantages, train
+from evenhand.training.memory import Past
+from evenhand.training.policy import state_values
+from evenhand.training.rivals import methods
+from evenhand.training.rivals.base import EpochOutcome, to_arrays
+from evenhand.training.settings import TrainSettings
 from support.lessons import (
     ADULT,
     BIASED,
@@ -61,7 +63,7 @@ def test_the_epoch_is_counted_and_the_guard_looks_at_imperfect_services():
 
 def test_remembering_leaves_the_past_before_as_it_was():
     before = Past.empty(settings())
-    after = lesson.remembered(settings(), EPOCH, before)
+    after = advantages.remembered(settings(), EPOCH, before)
     assert (before.memory.filled, after.memory.filled) == (0, 1)
     assert (before.memory.windows == 0).all()
     assert after.rival is before.rival
@@ -75,7 +77,7 @@ def test_only_who_looks_back_learns_from_what_is_remembered(kind):
     following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
     value = np.asarray(state_values(policy, EPOCH.done.observation))
     with_it, without = (
-        lesson.learn_from(chosen, policy, value, EPOCH, past_of(chosen, *epochs), following)[0]
+        advantages.learn_from(chosen, policy, value, EPOCH, past_of(chosen, *epochs), following)[0]
         for epochs in ((CALM, EPOCH), (CALM, CALM))
     )
     same = all(
@@ -83,7 +85,7 @@ def test_only_who_looks_back_learns_from_what_is_remembered(kind):
         for name in ("advantage", "target", "fair", "even")
         if getattr(with_it, name) is not None
     )
-    assert same != lesson.looks_back(chosen)
+    assert same != advantages.looks_back(chosen)
 
 
 # --- what evenness adds ---
@@ -147,8 +149,8 @@ def pooled_by_hand() -> Counts:
 
 
 REWARDS: dict[Any, Callable[..., np.ndarray]] = {
-    "influence": credit.influence_reward,
-    "levelup": credit.levelup_reward,
+    "influence": levelup.influence_reward,
+    "levelup": levelup.levelup_reward,
 }
 
 
@@ -185,7 +187,7 @@ def test_the_guard_takes_its_share(kind, paid):
         chosen = settings(kind, guarded=guarded, strength=2.0)
         past = past_of(chosen, EPOCH)
         past = replace(past, guard=replace(past.guard, strength=0.25))
-        found = lesson.evenness(chosen, EPOCH, past)
+        found = advantages.evenness(chosen, EPOCH, past)
         np.testing.assert_allclose(found, share * 2.0 * paid, atol=1e-12)
 
 
@@ -247,7 +249,7 @@ class TestSurgery:
         policy = train.untrained(chosen).policy
         following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
         value = state_values(policy, EPOCH.done.observation)
-        taught, _ = lesson.learn_from(chosen, policy, value, EPOCH, past, following)
+        taught, _ = advantages.learn_from(chosen, policy, value, EPOCH, past, following)
         assert taught.fair is not None
         np.testing.assert_allclose(taught.fair[:, 0], -5 / 4 * 2 / 5 * EXACT, atol=1e-12)
 
@@ -278,11 +280,11 @@ def outcome(value: np.ndarray, cost: np.ndarray, score: float) -> EpochOutcome:
 SCORE = 2 * (1 / 3 - 2 / 5)
 
 
-@pytest.mark.parametrize("name", list(rivals.RIVALS))
+@pytest.mark.parametrize("name", list(methods.RIVALS))
 def test_a_rival_shapes_the_epoch(name):
     chosen = without(name)
     taught, after, value = learn(chosen, EPOCH)
-    rival = rivals.rival(name)
+    rival = methods.rival(name)
     expected, state = rival.shape(outcome(value, 5 * EXACT, SCORE), rival.begin(22, 4))
     found = np.asarray(taught.advantage)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
@@ -293,7 +295,7 @@ def test_a_rival_shapes_the_epoch(name):
         np.testing.assert_allclose(to_arrays(after.rival)[key], values, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", sorted(set(rivals.RIVALS) - {"lagrangian"}))
+@pytest.mark.parametrize("name", sorted(set(methods.RIVALS) - {"lagrangian"}))
 def test_a_rival_does_something(name):
     """λ of the Lagrangian begins at 0."""
     taught, _, value = learn(without(name), EPOCH)
@@ -303,7 +305,7 @@ def test_a_rival_does_something(name):
 
 def test_the_strength_reaches_the_rival_and_it_remembers():
     """Limit 0.1, λ was 1: it falls by 0.1 (2/15 + 0.1) and mixes the centred cost in."""
-    state = rivals.LagrangianState(np.asarray(1.0))
+    state = methods.LagrangianState(np.asarray(1.0))
     taught, after, value = learn(without("lagrangian", 0.1), EPOCH, rival=state)
     lam = 1.0 - 0.1 * (2 / 15 + 0.1)
     assert float(after.rival.lam) == pytest.approx(lam)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from evenhand.learn import losses
+from evenhand.methods.paper import losses
 
 NAN = float("nan")
 

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import issues, people
-from evenhand.experiments import measure
-from evenhand.interactions import Interactions
-from evenhand.learn import train
-from evenhand.learn.settings import TrainSettings
+from evenhand.methods.paper import issues
+from evenhand.methods.services import Interactions
+from evenhand.restaurant import people
+from evenhand.training import evaluate, train
+from evenhand.training.settings import TrainSettings
 
 
 def services(
@@ -33,7 +33,7 @@ def services(
 
 
 def test_a_window_is_the_thirty_services_of_an_epoch():
-    assert measure.WINDOW == 30
+    assert evaluate.WINDOW == 30
     assert TrainSettings().people == 30
 
 
@@ -41,7 +41,7 @@ class TestWindows:
     def test_every_full_window_is_scored_alone(self):
         rng = np.random.default_rng(3)
         table = services(rng.random(100) < 0.5, rng.random(100) < 0.7, rng.uniform(0.8, 1.8, 100))
-        windows = measure.window_scores(table)
+        windows = evaluate.window_scores(table)
         assert windows.total.shape == (3,)  # the last ten services fill no window
         for w in range(3):
             alone = issues.score(table.take(np.arange(30 * w, 30 * w + 30)))
@@ -53,12 +53,12 @@ class TestWindows:
     def test_identities_in_another_order(self):
         disabled = np.arange(30) < 15
         table = services(disabled, ~disabled)
-        assert measure.window_scores(table).by_identity["disability"][0, 0] == 1.0
+        assert evaluate.window_scores(table).by_identity["disability"][0, 0] == 1.0
         # hand the first ten people's services to the last ten, and the other way round
         order = np.arange(30)
         order[:10], order[20:] = np.arange(20, 30), np.arange(10)
         # then 5 of 15 disabled people and 10 of 15 others are not responded to
-        swapped = measure.window_scores(table, order)
+        swapped = evaluate.window_scores(table, order)
         assert swapped.by_identity["disability"][0, 0] == pytest.approx(1 / 3)
 
 
@@ -70,7 +70,7 @@ def test_perfect_by_hand():
         step=np.array([200, 0, 10, 201, 10, 300, 10]),
         least=np.array([1.0, 1.5, 1.6, 1.25, 0.4, 1.25, 0.9]),
     )
-    assert measure.perfect(table).tolist() == [True, True, False, False, False, False, False]
+    assert evaluate.perfect(table).tolist() == [True, True, False, False, False, False, False]
 
 
 class TestSummary:
@@ -81,7 +81,7 @@ class TestSummary:
         table = services(
             disabled, ~(disabled & (window == 0)), distance=np.where(window, 1.25, 1.5)
         )
-        found = measure.summary(table, seed=0)
+        found = evaluate.summary(table, seed=0)
         assert found["services"] == 60
         assert found["willingness"] == 0.5  # 1 in the first, 0 in the second
         assert found["quality"] == found["risk"] == 0.0
@@ -97,27 +97,27 @@ class TestSummary:
         # a handful of people, none of them responded to, says nothing of a group
         for few, worst in ((29, 91 / 120), (30, 0.0)):
             disabled = np.arange(120) < few
-            assert measure.summary(services(disabled, ~disabled), 0)["worst_group_rate"] == worst
+            assert evaluate.summary(services(disabled, ~disabled), 0)["worst_group_rate"] == worst
         half = np.arange(50) < 25
         table = services(half, True)
         codes = np.arange(50)[:, None] // 25 == np.arange(2)
-        assert measure.worst_group_rate(measure.perfect(table), codes.astype(float)) is None
+        assert evaluate.worst_group_rate(evaluate.perfect(table), codes.astype(float)) is None
 
     def test_where_nothing_is_known_it_says_nothing(self):
-        found = measure.summary(services(np.arange(30) < 15, np.zeros(30, bool)), seed=0)
+        found = evaluate.summary(services(np.arange(30) < 15, np.zeros(30, bool)), seed=0)
         for name in ("quality", "priority", "mean_response_distance", "mean_response_time"):
             assert found[name] is None
         assert found["total"] == 0.0
         assert found["response_rate"] == 0.0
 
     def test_the_floor_of_services_that_are_all_alike_is_nothing(self):
-        assert measure.summary(services(np.arange(60) % 2 == 0, True), seed=0)["floor"] == 0.0
+        assert evaluate.summary(services(np.arange(60) % 2 == 0, True), seed=0)["floor"] == 0.0
 
     def test_what_is_even_lies_at_its_floor_and_what_is_not_above(self):
         rng = np.random.default_rng(5)
         disabled = rng.random(6000) < 0.5
-        even = measure.summary(services(disabled, rng.random(6000) < 0.5), seed=1)
-        uneven = measure.summary(
+        even = evaluate.summary(services(disabled, rng.random(6000) < 0.5), seed=1)
+        uneven = evaluate.summary(
             services(disabled, rng.random(6000) < 0.2 + 0.6 * disabled), seed=1
         )
         assert even["floor"] > 0.1  # chance alone, in windows of 30
@@ -129,7 +129,7 @@ class TestSummary:
     def test_the_floor_follows_its_seed_and_nothing_else(self):
         rng = np.random.default_rng(5)
         table = services(rng.random(300) < 0.5, rng.random(300) < 0.5)
-        first, again, other = (measure.summary(table, seed=seed) for seed in (1, 1, 2))
+        first, again, other = (evaluate.summary(table, seed=seed) for seed in (1, 1, 2))
         assert first == again
         assert first["floor"] != other["floor"]
         assert {**first, "floor": 0} == {**other, "floor": 0}
@@ -137,19 +137,19 @@ class TestSummary:
 
 class TestServing:
     def test_scripted(self):
-        table = measure.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
+        table = evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
         assert len(table) == 70
         np.testing.assert_array_equal(table.fact("service"), np.arange(70))
         np.testing.assert_array_equal(table.fact("epoch"), np.arange(70) // 30)
         assert set(table.fact("robot")) == {"ableist"}
-        assert table == measure.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
-        assert table != measure.serve_scripted("ableist", 1.0, "uniform", 70, seed=5)
+        assert table == evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
+        assert table != evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=5)
 
     def test_a_policy(self):
         settings = TrainSettings(seed=3)
         state = train.begin(settings)
-        table = measure.serve_policy(state, settings, 60, seed=4)
-        assert table == measure.serve_policy(state, settings, 60, seed=4)
+        table = evaluate.serve_policy(state, settings, 60, seed=4)
+        assert table == evaluate.serve_policy(state, settings, 60, seed=4)
         assert len(table) == 60
         # by chance, not greedily: one policy, and services of many lengths
         assert len(set(table.fact("steps"))) > 5
@@ -157,7 +157,7 @@ class TestServing:
     def test_a_policy_before_other_people(self):
         settings = TrainSettings(seed=3, population="uniform")
         state = train.begin(settings)
-        table = measure.serve_policy(state, settings, 90, seed=4, population="fairface")
+        table = evaluate.serve_policy(state, settings, 90, seed=4, population="fairface")
         # of whom the published numbers hold no American Indian and no Native Hawaiian
         codes, categories = table.identity("race")
         assert {categories[code] for code in codes} <= {"White", "Black", "Asian", "Other"}

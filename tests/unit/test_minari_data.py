@@ -11,11 +11,12 @@ import minari
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.errors import InputError
-from evenhand.experiments import episodes, minari_data
-from evenhand.learn import train
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.experiments.minari import dataset as minari_data
+from evenhand.experiments.minari import episodes
+from evenhand.restaurant import people
+from evenhand.training import train
+from evenhand.training.settings import settings_of
 
 SEED, SERVICES = 77, 12
 RUN = replace(

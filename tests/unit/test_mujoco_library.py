@@ -6,12 +6,12 @@ import mujoco
 import pytest
 from mujoco.batch import Batch
 
-from evenhand import detector_io
-from evenhand.learn import train
-from evenhand.learn.settings import settings_of
-from evenhand.restaurant import driving, mujoco_library, scene
-from evenhand.restaurant.mujoco_library import untimed
-from evenhand.restaurant.world import World
+from evenhand.methods import detector_file
+from evenhand.restaurant.simulation import driving, mujoco_library, scene
+from evenhand.restaurant.simulation.mujoco_library import untimed
+from evenhand.restaurant.simulation.world import World
+from evenhand.training import train
+from evenhand.training.settings import settings_of
 
 STEP = mujoco.mjtTimer.mjTIMER_STEP
 
@@ -123,6 +123,6 @@ def test_environments_step_without_a_clock(while_running):
 def test_training_serves_without_a_clock(while_running):
     settings = settings_of("service", "ppo", "none", epochs=1)
     heard = while_running(driving, "serve")
-    list(train.train(settings, detector_io.load(detector_io.SHIPPED), threads=2))
+    list(train.train(settings, detector_file.load(detector_file.SHIPPED), threads=2))
     assert heard == [False] * settings.people
     assert ticks()

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.errors import InputError
-from evenhand.restaurant import layout, needs, senses, task
-from evenhand.restaurant.lanes import Lanes
-from evenhand.restaurant.needs import NeedSettings
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people
+from evenhand.restaurant.scenarios import needs, sensing
+from evenhand.restaurant.scenarios.needs import NeedSettings
+from evenhand.restaurant.simulation import layout, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 ADULT, ELDER, WHEELCHAIR, BOTH = (
     [0, 0, 2, 1, 0], [0, 0, 4, 1, 0], [0, 0, 2, 0, 0], [0, 0, 4, 0, 0],
@@ -56,7 +57,7 @@ def test_a_response_that_is_not_noticed_is_none():
     settings = task.TaskSettings()
     lanes, ids = Lanes(n, settings), np.arange(n)
     readings = settings.decisions + 1
-    chances = senses.Chances(np.zeros((n, readings)), np.zeros((n, readings), bool), np.ones(n))
+    chances = sensing.Chances(np.zeros((n, readings)), np.zeros((n, readings), bool), np.ones(n))
     far = setups.start_distance
     wanted = needs.Needs(
         # exactly there; too near; too far; too early; just in time; nobody special
@@ -73,7 +74,7 @@ def test_a_signal_is_waited_for():
     setups = layout.draw(people.population("uniform"), 2, np.random.default_rng(4))
     settings = task.TaskSettings()
     lanes, ids = Lanes(2, settings), np.arange(2)
-    chances = senses.Chances(np.zeros((2, 61)), np.zeros((2, 61), bool), np.ones(2))
+    chances = sensing.Chances(np.zeros((2, 61)), np.zeros((2, 61), bool), np.ones(2))
     wanted = needs.Needs(np.zeros(2), np.full(2, np.inf), np.array([10.0, 10.1]))
     lanes.begin(ids, lanes.prepare(setups, chances, wanted), ids)
     for _ in range(2):

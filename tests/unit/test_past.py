@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.errors import InputError
-from evenhand.guidance import GuidanceSettings
-from evenhand.learn import rivals, train
-from evenhand.learn.past import Past
-from evenhand.learn.settings import TrainSettings
-from evenhand.learn.update import UpdateSettings
-from evenhand.reflection import ReflectionSettings
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.guidance import GuidanceSettings
+from evenhand.training import train
+from evenhand.training.memory import Past
+from evenhand.training.rivals import methods
+from evenhand.training.settings import TrainSettings
+from evenhand.training.update import UpdateSettings
 
-ALL = ("none", *rivals.RIVALS)
+ALL = ("none", *methods.RIVALS)
 
 
 def settings(rival: str) -> TrainSettings:
@@ -62,7 +63,7 @@ def test_an_empty_past(rival):
 @pytest.mark.parametrize("rival", ALL)
 def test_after_some_epochs(rival):
     chosen = settings(rival)
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
     past = [record.past for record in train.train(chosen, detector)][-1]
     assert past.memory.filled == 4
     assert past.memory.windows.any()

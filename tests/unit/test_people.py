@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand import people
-from evenhand.errors import InputError
-from evenhand.people import IDENTITIES, Population, Table, population
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people
+from evenhand.restaurant.people import IDENTITIES, Population, Table, population
 
 COLUMN = {identity.name: column for column, identity in enumerate(IDENTITIES)}
 ALIKE = {

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.learn.policy import (
+from evenhand.core.errors import InputError
+from evenhand.training.policy import (
     Actor,
     ActorCritic,
     Network,

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from evenhand.errors import InputError, WorkerLostError
-from evenhand.experiments import pool
-from evenhand.experiments.pool import Task, run_all
+from evenhand.core import processes as pool
+from evenhand.core.errors import InputError, WorkerLostError
+from evenhand.core.processes import Task, run_all
 
 HERE = Path(__file__).parent
 
@@ -141,7 +141,7 @@ MAIN = """
 import sys
 from pathlib import Path
 import pool_tasks
-from evenhand.experiments.pool import Task, run_all
+from evenhand.core.processes import Task, run_all
 
 if __name__ == "__main__":
     tasks = [Task("long", pool_tasks.linger, {"folder": Path(sys.argv[1])}) for _ in range(2)]

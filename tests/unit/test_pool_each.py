@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from evenhand.experiments.pool import Event, Outcome, Task, run_each
+from evenhand.core.processes import Event, Outcome, Task, run_each
 
 HERE = Path(__file__).parent
 

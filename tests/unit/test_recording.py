@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand import people, robots
-from evenhand.errors import InputError
-from evenhand.restaurant import layout, plan, recording, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.core.errors import InputError
+from evenhand.restaurant import floor_plan, people, robots
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, recording, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 N = 24
 GRID = 1 / 4000
@@ -20,7 +21,7 @@ def served() -> tuple[layout.Setups, serve.Services]:
     setups = layout.draw(people.population("uniform"), N, rng)
     robot = robots.ScriptedRobot("racist", 1.0).robot(setups.asking, rng)
     lanes = Lanes(7, task.TaskSettings())  # fewer lanes than services: they are served in turns
-    return setups, serve.serve(lanes, setups, robot, rng, senses.SenseSettings(), recorded=True)
+    return setups, serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(), recorded=True)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def test_the_robot_never_jumps(seen):
     """Between two poses lie 0.1 s: 0.1 m at 1 m/s, a bit more in a bend, and no turn of the yaw."""
     way = np.diff(seen.pose, axis=1)
     way = way[np.isfinite(way[..., 0])]
-    assert np.hypot(way[:, 0], way[:, 1]).max() < 1.05 * 0.1 * plan.TOP_SPEED
+    assert np.hypot(way[:, 0], way[:, 1]).max() < 1.05 * 0.1 * floor_plan.TOP_SPEED
     assert np.abs(way[:, 2]).max() < np.pi / 2
 
 
@@ -74,7 +75,7 @@ def test_recording_changes_nothing(served):
     rng = np.random.default_rng(3)
     setups = layout.draw(people.population("uniform"), N, rng)
     robot = robots.ScriptedRobot("racist", 1.0).robot(setups.asking, rng)
-    plain = serve.serve(Lanes(7, task.TaskSettings()), setups, robot, rng, senses.SenseSettings())
+    plain = serve.serve(Lanes(7, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
     assert plain.seen is None
     for name, values in vars(plain.facts).items():
         np.testing.assert_array_equal(values, getattr(served[1].facts, name))

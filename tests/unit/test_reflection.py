@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand import credit
-from evenhand.credit import CreditSettings
-from evenhand.errors import InputError
-from evenhand.learn.batches import Trajectories
-from evenhand.learn.policy import ActorCritic, Network, PolicySettings, make_policy
-from evenhand.learn.reflection import examine
-from evenhand.reflection import (
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond import levelup
+from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.beyond.reflection import (
     Past,
     Reflection,
     ReflectionSettings,
     standardise,
     surprise,
 )
+from evenhand.training.batches import Trajectories
+from evenhand.training.policy import ActorCritic, Network, PolicySettings, make_policy
+from evenhand.training.reflection_gradients import examine
 
 RAW = CreditSettings(shrink=0.0)
 SETTINGS = ReflectionSettings()
@@ -67,7 +67,7 @@ class TestByHand:
     X = np.array([[1.0], [0.0], [0.0], [0.0]])
 
     def reflection(self, weights, biases, cosines=()) -> Reflection:
-        found = credit.influence(self.X, self.INSIDE, (2.0,), settings=RAW)
+        found = levelup.influence(self.X, self.INSIDE, (2.0,), settings=RAW)
         after = moved(self.POLICY, linear(weights, biases))
         groups = (("one", "A"), ("one", "B"))
         past = Past(np.reshape(cosines, (-1, 1, 1)) * np.ones((2, 2)), len(cosines))
@@ -129,7 +129,7 @@ def epoch(rng: np.random.Generator, rates=(0.4, 0.4)):
         action=rng.integers(0, 2, (N, L)).astype(np.int32),
         mask=mask.astype(np.float32),
     )
-    return services, credit.influence(x, inside, (1.0, 1.0), settings=RAW)
+    return services, levelup.influence(x, inside, (1.0, 1.0), settings=RAW)
 
 
 POLICY = make_policy(6, PolicySettings(hidden=(4,)), np.random.default_rng(0))
@@ -390,6 +390,6 @@ def test_as_many_as_the_rate_asks_for_are_enough():
 
 def test_influence_of_other_services():
     services, _ = epoch(np.random.default_rng(0))
-    found = credit.influence(np.ones((3, 2)), np.ones((3, 5)), (1.0, 1.0), settings=RAW)
+    found = levelup.influence(np.ones((3, 2)), np.ones((3, 5)), (1.0, 1.0), settings=RAW)
     with pytest.raises(ValueError, match="influence of 3 services"):
         run(POLICY, POLICY, services, found, Past.empty(2, 2, SETTINGS))

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from evenhand import files
-from evenhand.errors import InputError
-from evenhand.experiments import reproduce
+from evenhand.core import files
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper import reproduce
 from evenhand.experiments.settings import ReproduceSettings
-from evenhand.learn import run
+from evenhand.training import run_folder
 
 
 def end(settings: ReproduceSettings, preset: str, arm: str, seed: int, **changes: Any) -> None:
@@ -17,8 +17,8 @@ def end(settings: ReproduceSettings, preset: str, arm: str, seed: int, **changes
     training = reproduce.training_of(preset, arm, seed, settings.epochs, settings.population)
     folder = settings.out / "runs" / preset / arm / f"seed-{seed:02d}"
     folder.mkdir(parents=True)
-    noted = {"test": {}, "versions": run.versions(), "commit": None} | changes
-    run.finish(folder, reproduce.key_of(training, settings.services), noted)
+    noted = {"test": {}, "versions": run_folder.versions(), "commit": None} | changes
+    run_folder.finish(folder, reproduce.key_of(training, settings.services), noted)
 
 
 def counted(settings: ReproduceSettings) -> set[tuple[str, str, int]]:
@@ -57,7 +57,7 @@ def test_a_run_with_other_settings_does_not_count(tmp_path):
 def test_a_demonstration_folder_of_other_versions_is_refused(tmp_path, monkeypatch):
     settings = ReproduceSettings(tmp_path)
     reproduce._claim_folder(tmp_path, settings)
-    monkeypatch.setattr(run, "versions", lambda: {"python": "3", "mujoco": "3.9.9"})
+    monkeypatch.setattr(run_folder, "versions", lambda: {"python": "3", "mujoco": "3.9.9"})
     with pytest.raises(InputError, match="was begun with other versions"):
         reproduce._claim_folder(tmp_path, settings)
     noted = files.read_json(tmp_path / "experiment.json")

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.study.respondents import (
+from evenhand.core.errors import InputError
+from evenhand.study.simulated.respondents import (
     SCENARIOS,
     RespondentModel,
     Respondents,

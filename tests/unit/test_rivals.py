@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from evenhand import issues
-from evenhand.learn import rival_formulas as formulas
-from evenhand.learn import rivals
-from evenhand.learn.rival_epoch import EpochOutcome
+from evenhand.methods.paper import issues
+from evenhand.training.rivals import formulas, methods
+from evenhand.training.rivals.base import EpochOutcome
 from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, two_groups
 
 
@@ -30,7 +29,7 @@ class TestLagrangian:
 
     def test_lambda_steps_before_it_is_used(self):
         # λ = 0 + 5 (0.3 - 0.1) = 1; the mean cost is 1: (2 - 2)/2, (0 + 1)/2, (1 - 0)/2, (4 + 1)/2
-        method = rivals.Lagrangian(limit=0.1, rate=5.0)
+        method = methods.Lagrangian(limit=0.1, rate=5.0)
         advantage, state = method.shape(two_groups(), method.begin(2, 1))
         assert state.lam == pytest.approx(1.0)
         np.testing.assert_allclose(advantage[:, 0], [0.0, 0.5, 0.5, 2.5], atol=1e-15)
@@ -74,7 +73,7 @@ class TestAPPO:
         # A 2, 0, 1, 4 -> 0.5, 0, 0.25, 1
         # min(0, ω - Δ) = 0, -0.75, -0.25, 0 -> 1, 0, 2/3, 1
         # min(0, -1[Δ > ω] δΔ) = 0, -1, 0, 0 -> 1, 0, 1, 1
-        method = rivals.APPO(beta=(1.0, 0.25, 0.5), omega=0.25)
+        method = methods.APPO(beta=(1.0, 0.25, 0.5), omega=0.25)
         advantage, _ = method.shape(two_groups(), method.begin(2, 1))
         expected = [
             0.5 + 0.25 + 0.5,
@@ -105,10 +104,10 @@ class TestAPPO:
         np.testing.assert_allclose(shaped[:, 0], [1.0, 0.0, 1.0])
 
     def test_the_weights_of_the_source(self):
-        assert rivals.APPO().beta == (1.0, 0.25, 0.25)
+        assert methods.APPO().beta == (1.0, 0.25, 0.25)
 
     def test_earlier_epochs_are_pooled_and_forgotten(self):
-        method = rivals.APPO(beta=(0.0, 1.0, 0.0), omega=0.0, windows=2)
+        method = methods.APPO(beta=(0.0, 1.0, 0.0), omega=0.0, windows=2)
         even = two_groups(x=np.zeros((4, 1)))
         uneven = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
         _, state = method.shape(uneven, method.begin(2, 1))
@@ -124,7 +123,7 @@ class TestAPPO:
 class TestRPPO:
     def test_by_hand(self):
         # Δ 0, 1, 0.5, 0: the first, third and last are below ω = 0.6
-        method = rivals.RPPO(zeta=3.0, omega=0.6)
+        method = methods.RPPO(zeta=3.0, omega=0.6)
         advantage, _ = method.shape(two_groups(), method.begin(2, 1))
         np.testing.assert_allclose(advantage[:, 0], [2.0, 0.0 - 3.0, 1.0, 4.0])
 
@@ -133,7 +132,7 @@ class TestRPPO:
         np.testing.assert_allclose(penalty, [-1.0, 0.0])
 
     def test_one_window_remembers_nothing(self):
-        method = rivals.RPPO(windows=1)
+        method = methods.RPPO(windows=1)
         first, state = method.shape(two_groups(), method.begin(2, 1))
         second, _ = method.shape(two_groups(), state)
         np.testing.assert_array_equal(first, second)
@@ -184,7 +183,7 @@ class TestElbert:
     def test_by_hand(self):
         # rates a 1/2, b 0, b = 1/2, ∂h/∂z = 2 · 1/2 · ±1, demand of each is 1/2 of all services:
         # credit of a (1 - 1/2) / (1/2) and (0 - 1/2) / (1/2), of b 0
-        method = rivals.Elbert(alpha=2.0)
+        method = methods.Elbert(alpha=2.0)
         outcome = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
         advantage, state = method.shape(outcome, method.begin(2, 1))
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 2.0, 0.0, 1.0 + 2.0, 4.0])
@@ -194,7 +193,7 @@ class TestElbert:
         # the issue applies to the last two only: rates 0 and 1, demand 1/4 each; nobody who
         # demanded differs from the rate of the own group
         x = np.array([[NAN], [NAN], [0.0], [1.0]])
-        method = rivals.Elbert()
+        method = methods.Elbert()
         advantage, _ = method.shape(two_groups(x=x), method.begin(2, 1))
         np.testing.assert_allclose(advantage, two_groups().advantage)
 
@@ -220,7 +219,7 @@ class TestElbert:
             score=0.0,
             cost=np.zeros(n),
         )
-        method = rivals.Elbert(alpha=1.0, sharpness=sharpness)
+        method = methods.Elbert(alpha=1.0, sharpness=sharpness)
         advantage, _ = method.shape(outcome, method.begin(6, 3))
         # a mean over n services has n times the derivative by the weight of one
         step = 1e-5 * np.eye(n)
@@ -235,7 +234,7 @@ class TestElbert:
     def test_earlier_epochs_are_pooled(self):
         # eight services: a 4 with 3 issues, b 4 with 0. z = 3/4, ∂h/∂z = ±3/2, demand 1/2:
         # credit of a with the issue 3/2 · 1/4 · 2, without -3/2 · 3/4 · 2
-        method = rivals.Elbert()
+        method = methods.Elbert()
         uneven = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
         _, state = method.shape(uneven, method.begin(2, 1))
         now = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
@@ -243,7 +242,7 @@ class TestElbert:
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 0.75, 0.0, 1.0 + 2.25, 4.0])
 
     def test_an_empty_group_keeps_its_last_rate(self):
-        method = rivals.Elbert(windows=1)
+        method = methods.Elbert(windows=1)
         outcome = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
         _, state = method.shape(outcome, method.begin(2, 1))
         only_b = np.tile([0.0, 1.0], (4, 1))
@@ -253,7 +252,7 @@ class TestElbert:
         np.testing.assert_allclose(advantage[:, 0], [2.5, -0.5, 0.5, 4.5])
 
     def test_a_group_never_seen_is_left_out(self):
-        method = rivals.Elbert()
+        method = methods.Elbert()
         only_b = np.tile([0.0, 1.0], (4, 1))
         advantage, _ = method.shape(two_groups(inside=only_b), method.begin(2, 1))
         np.testing.assert_array_equal(advantage, two_groups().advantage)

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.learn import rival_epoch, rivals
-from evenhand.learn import rival_formulas as formulas
-from evenhand.learn.rival_epoch import EpochOutcome
+from evenhand.core.errors import InputError
+from evenhand.training.rivals import base, formulas, methods
+from evenhand.training.rivals.base import EpochOutcome
 from support.rivals import NAN, TWO_GROUPS, two_groups
 
 
@@ -19,7 +18,7 @@ class TestGroupDRO:
     def test_by_hand(self):
         # means 3/4 and 1/4; exp(η/2) = 3, so the shares are 1/4 and 3/4;
         # weights 4 · 1/4 / 2 and 4 · 3/4 / 2
-        method = rivals.GroupDRO(rate=2 * np.log(3.0))
+        method = methods.GroupDRO(rate=2 * np.log(3.0))
         advantage, state = method.shape(two_groups(), method.begin(2, 1))
         np.testing.assert_allclose(np.exp(state.log_q), [0.25, 0.75])
         np.testing.assert_allclose(advantage[:, 0], [0.5 * 2, 0.0, 0.5 * 1, 1.5 * 4])
@@ -32,7 +31,7 @@ class TestGroupDRO:
         np.testing.assert_allclose(np.exp(log_q), [2 / 3, 1 / 3])
 
     def test_an_empty_group_keeps_its_mean_and_counts_all_services(self):
-        method = rivals.GroupDRO(rate=2 * np.log(3.0), adjustment=0.0)
+        method = methods.GroupDRO(rate=2 * np.log(3.0), adjustment=0.0)
         _, state = method.shape(two_groups(), method.begin(2, 1))
         only_b = np.tile([0.0, 1.0], (4, 1))
         advantage, state = method.shape(two_groups(inside=only_b), state)
@@ -52,7 +51,7 @@ class TestGroupDRO:
         np.testing.assert_allclose(np.exp(log_q), [1 / 6, 1 / 2, 1 / 3])
 
     def test_nobody_known_changes_nothing(self):
-        method = rivals.GroupDRO()
+        method = methods.GroupDRO()
         nobody = two_groups(inside=np.full((4, 2), NAN))
         advantage, state = method.shape(nobody, method.begin(2, 1))
         np.testing.assert_allclose(np.exp(state.log_q), [0.5, 0.5])
@@ -88,7 +87,7 @@ class TestGGF:
 
     def test_by_hand(self):
         # means 3/4 and 1/4: weights 1/3 and 2/3; services 4 · 1/3 / 2 and 4 · 2/3 / 2
-        method = rivals.GGF()
+        method = methods.GGF()
         advantage, state = method.shape(two_groups(), method.begin(2, 1))
         np.testing.assert_allclose(state.mean, [0.75, 0.25])
         np.testing.assert_allclose(
@@ -96,7 +95,7 @@ class TestGGF:
         )
 
     def test_the_mean_is_remembered(self):
-        method = rivals.GGF(memory=0.5)
+        method = methods.GGF(memory=0.5)
         _, state = method.shape(two_groups(), method.begin(2, 1))
         # then a earns 0 and b 1/2: (3/4 + 0)/2 and (1/4 + 1/2)/2
         later = two_groups(reward=np.array([0.0, 0.5, 0.0, 0.5]))
@@ -108,7 +107,7 @@ class TestGGF:
         np.testing.assert_allclose(state.mean, [0.375, 0.1875])
 
     def test_the_first_mean_counts_whole_even_later(self):
-        method = rivals.GGF(memory=0.5)
+        method = methods.GGF(memory=0.5)
         only_b = np.tile([0.0, 1.0], (4, 1))
         _, state = method.shape(two_groups(inside=only_b), method.begin(2, 1))
         np.testing.assert_array_equal(state.seen, [0.0, 1.0])
@@ -164,11 +163,11 @@ EDGES: dict[str, Callable[[EpochOutcome], dict[str, Any]]] = {
 
 
 class TestEveryRival:
-    @pytest.mark.parametrize("name", rivals.RIVALS)
+    @pytest.mark.parametrize("name", methods.RIVALS)
     @pytest.mark.parametrize("edge", EDGES)
     def test_advantages_are_numbers_whatever_happens(self, name, edge):
         rng = np.random.default_rng(3)
-        method = rivals.rival(name)
+        method = methods.rival(name)
         state = method.begin(22, 4)
         for _ in range(3):
             outcome = restaurant(rng)
@@ -177,48 +176,48 @@ class TestEveryRival:
             assert advantage.shape == outcome.mask.shape
             assert np.isfinite(advantage).all()
             assert (advantage[outcome.mask == 0] == 0).all()
-            assert all(np.isfinite(a).all() for a in rival_epoch.to_arrays(state).values())
+            assert all(np.isfinite(a).all() for a in base.to_arrays(state).values())
 
-    @pytest.mark.parametrize("name", rivals.RIVALS)
+    @pytest.mark.parametrize("name", methods.RIVALS)
     def test_what_it_remembers_survives_json(self, name):
         rng = np.random.default_rng(4)
-        method = rivals.rival(name)
+        method = methods.rival(name)
         first = method.begin(22, 4)
         _, state = method.shape(restaurant(rng), first)
-        text = json.dumps({k: a.tolist() for k, a in rival_epoch.to_arrays(state).items()})
-        back = rival_epoch.from_arrays(first, json.loads(text))
+        text = json.dumps({k: a.tolist() for k, a in base.to_arrays(state).items()})
+        back = base.from_arrays(first, json.loads(text))
         assert type(back) is type(state)
         following = restaurant(rng)
         went_on, _ = method.shape(following, state)
         resumed, _ = method.shape(following, back)
         np.testing.assert_array_equal(went_on, resumed)
 
-    @pytest.mark.parametrize("name", rivals.RIVALS)
+    @pytest.mark.parametrize("name", methods.RIVALS)
     def test_what_it_remembers_has_one_shape(self, name):
-        method = rivals.rival(name)
+        method = methods.rival(name)
         state = method.begin(22, 4)
-        before = {k: a.shape for k, a in rival_epoch.to_arrays(state).items()}
+        before = {k: a.shape for k, a in base.to_arrays(state).items()}
         _, state = method.shape(restaurant(np.random.default_rng(2)), state)
-        assert {k: a.shape for k, a in rival_epoch.to_arrays(state).items()} == before
+        assert {k: a.shape for k, a in base.to_arrays(state).items()} == before
 
     def test_one_window_survives_json_too(self):
-        method = rivals.Elbert(windows=1)
+        method = methods.Elbert(windows=1)
         first = method.begin(22, 4)
-        saved = {k: a.tolist() for k, a in rival_epoch.to_arrays(first).items()}
-        back = rival_epoch.from_arrays(first, saved)
+        saved = {k: a.tolist() for k, a in base.to_arrays(first).items()}
+        back = base.from_arrays(first, saved)
         assert back.counts.shape == (0, 4, 22, 4)
 
     def test_no_two_have_settings_of_the_same_names(self):
         # A fingerprint of settings holds names and values, not the class.
-        kinds: list[Any] = list(rivals.RIVALS.values())
+        kinds: list[Any] = list(methods.RIVALS.values())
         names = [frozenset(field.name for field in fields(kind)) for kind in kinds]
         assert len(set(names)) == len(names)
 
-    @pytest.mark.parametrize("other", [rivals.Elbert(windows=3), rivals.GGF()])
+    @pytest.mark.parametrize("other", [methods.Elbert(windows=3), methods.GGF()])
     def test_what_another_remembered_is_refused(self, other):
-        saved = rival_epoch.to_arrays(other.begin(22, 4))
+        saved = base.to_arrays(other.begin(22, 4))
         with pytest.raises(InputError, match="belongs to other settings: resume with the settings"):
-            rival_epoch.from_arrays(rivals.Elbert(windows=4).begin(22, 4), saved)
+            base.from_arrays(methods.Elbert(windows=4).begin(22, 4), saved)
 
 
 class TestWrongInput:
@@ -249,7 +248,7 @@ class TestWrongInput:
     )
     def test_settings(self, name, settings, said):
         with pytest.raises(InputError, match=said):
-            rivals.rival(name, **settings)
+            methods.rival(name, **settings)
 
     @pytest.mark.parametrize(
         ("changes", "said"),

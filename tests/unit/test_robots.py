@@ -9,11 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from evenhand import issues, people, robots
-from evenhand.errors import InputError
-from evenhand.restaurant import layout, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
-from evenhand.robots import BIASES, MANNERS, NAMES, ScriptedRobot
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.robots import BIASES, MANNERS, NAMES, ScriptedRobot
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 EVERYONE = np.stack(
     np.meshgrid(*[np.arange(len(i.categories)) for i in people.IDENTITIES], indexing="ij"), axis=-1
@@ -117,7 +119,7 @@ def manners() -> Mapping[str, Any]:
         rng = np.random.default_rng(5)
         setups = layout.draw(people.population("uniform"), N, rng)
         robot = robots.of_manners(np.full(N, code), rng)
-        done = serve.serve(lanes, setups, robot, rng, senses.SenseSettings(0.0, 0.0))
+        done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(0.0, 0.0))
         table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="even")
         start = setups.start[:, 0] + 1j * setups.start[:, 1]
         legs = np.diff(np.concatenate([start[:, None], setups.way], axis=1), axis=1)
@@ -195,7 +197,7 @@ class TestManners:
             setups,
             robots.of_manners(codes, rng),
             rng,
-            senses.SenseSettings(0.0, 0.0),
+            sensing.SenseSettings(0.0, 0.0),
         )
         np.testing.assert_array_equal(done.facts.responded, codes != 5)
         np.testing.assert_array_equal(done.facts.steps == 0, codes == 1)
@@ -209,7 +211,7 @@ def test_a_biased_robot_is_uneven_about_its_own_identity(name, identity):
     rng = np.random.default_rng(7)
     setups = layout.draw(people.population("uniform"), 600, rng)
     robot = ScriptedRobot(name).robot(setups.asking, rng)
-    done = serve.serve(Lanes(120, task.TaskSettings()), setups, robot, rng, senses.SenseSettings())
+    done = serve.serve(Lanes(120, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot=name)
     scores = issues.score(table)
     totals = {one.name: float(scores.total_of(one.name)) for one in people.IDENTITIES}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.restaurant import layout, plan, route
+from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant.simulation import layout, route
 
 
 def find(start: complex, person: complex, centre: list[complex], around: list[float], **seat):
@@ -58,16 +58,16 @@ class TestByHand:
     def test_a_seat_is_approached_from_its_front(self):
         # the table at the origin, its guest below it; the robot comes from above, beside the table
         seat = {"seat": -1j, "access": -1.35j, "host": 0}
-        way = find(-2 + 1.5j, -0.72j, [0j], [plan.CLUSTER_RADIUS], **seat)
+        way = find(-2 + 1.5j, -0.72j, [0j], [floor_plan.CLUSTER_RADIUS], **seat)
         assert way.tried[0] == 0
         assert way.last[0] == 2
         assert way.points[0, 1:].tolist() == [-1.35j, -0.72j]
         assert way.front[0] == -1j
-        assert abs(way.points[0, 0]) > plan.CLUSTER_RADIUS
+        assert abs(way.points[0, 0]) > floor_plan.CLUSTER_RADIUS
 
     def test_who_is_in_front_of_the_seat_drives_straight(self):
         seat = {"seat": -1j, "access": -1.35j, "host": 0}
-        way = find(0.5 - 3j, -0.72j, [0j], [plan.CLUSTER_RADIUS], **seat)
+        way = find(0.5 - 3j, -0.72j, [0j], [floor_plan.CLUSTER_RADIUS], **seat)
         assert way.last[0] == 0
         assert way.points[0].tolist() == [-0.72j] * 3
         assert way.front[0] == 0
@@ -109,8 +109,8 @@ class TestDrawnWays:
 
     def test_they_do_not_touch_furniture_guests_or_walls(self, setups):
         trace = self.trace(setups)
-        discs = [(layout.as_complex(c), 0.40) for c in plan.TABLES]
-        discs += [(layout.as_complex(c), 0.20) for c in plan.CHAIRS]
+        discs = [(layout.as_complex(c), 0.40) for c in floor_plan.TABLES]
+        discs += [(layout.as_complex(c), 0.20) for c in floor_plan.CHAIRS]
         for centre, radius in discs:
             assert (np.abs(trace - centre) > radius + 0.20).all()
         for i in range(1, 12):

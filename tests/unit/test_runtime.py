@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.learn.runtime import cache_folder
+from evenhand.training.jax_setup import cache_folder
 
 SCRIPT = """
 import os
-from evenhand.learn.runtime import set_up_jax
+from evenhand.training.jax_setup import set_up_jax
 kept = set_up_jax()
 import jax, jax.numpy as jnp
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

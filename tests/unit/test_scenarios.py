@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from evenhand import people, scenarios
-from evenhand.errors import InputError
-from evenhand.restaurant import layout, needs, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
-from evenhand.scenarios import SCENARIOS, Scenario, scenario
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.scenarios import SCENARIOS, Scenario, needs, scenario, sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 SERVICES = 600
 
@@ -127,7 +127,7 @@ AT = [
 
 @pytest.mark.parametrize(("name", "who", "now", "age", "reading"), AT)
 def test_when_the_reference_responds(name, who, now, age, reading):
-    robot = scenarios.reference(scenario(name))
+    robot = robots.reference(scenario(name))
     seen = np.zeros((2, 25), np.float32)
     seen[:, :22] = people.encode(np.array([who]))
     seen[:, 22] = np.array([reading - 0.005, reading + 0.005]) / 5.0
@@ -148,7 +148,7 @@ def served(name: str, robot: serve.Robot) -> tuple[np.ndarray, np.ndarray]:
         setups,
         robot,
         rng,
-        senses.SenseSettings(perception=world.perception),
+        sensing.SenseSettings(perception=world.perception),
         needs.NeedSettings(world.needs),
     )
     return setups.asking, done.facts.perfect
@@ -156,13 +156,13 @@ def served(name: str, robot: serve.Robot) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", ["even", "tips", "prejudiced"])
 def test_where_all_are_served_alike_the_reference_is_perfect(name):
-    _, perfect = served(name, scenarios.reference(scenario(name)))
+    _, perfect = served(name, robots.reference(scenario(name)))
     assert perfect.mean() >= 0.99
 
 
 @pytest.mark.parametrize("name", ["perception", "minority", "everyday"])
 def test_the_reference_makes_up_for_what_is_uneven(name):
-    codes, own = served(name, scenarios.reference(scenario(name)))
+    codes, own = served(name, robots.reference(scenario(name)))
     assert own.mean() >= 0.97
     child, elder, wheelchair = codes[:, 2] == 0, codes[:, 2] == 4, codes[:, 3] == 0
     for group in (child, elder, wheelchair):
@@ -171,8 +171,8 @@ def test_the_reference_makes_up_for_what_is_uneven(name):
 
 def test_in_perception_going_by_raw_readings_serves_children_worse():
     """1.3 m read are 0.99 m of a child and 0.98 m of who sits: hardly ever a proper distance."""
-    codes, naive = served("perception", scenarios.reference(scenario("even")))
-    _, own = served("perception", scenarios.reference(scenario("perception")))
+    codes, naive = served("perception", robots.reference(scenario("even")))
+    _, own = served("perception", robots.reference(scenario("perception")))
     child, wheelchair = codes[:, 2] == 0, codes[:, 3] == 0
     assert naive[~child & ~wheelchair].mean() >= 0.95
     assert naive[child & ~wheelchair].mean() <= 0.5
@@ -182,8 +182,8 @@ def test_in_perception_going_by_raw_readings_serves_children_worse():
 
 def test_in_minority_serving_all_alike_serves_elders_and_wheelchair_users_worse():
     """At 1.2-1.3 m an elder hardly hears it, and who sits in a wheelchair has it too near."""
-    codes, naive = served("minority", scenarios.reference(scenario("even")))
-    _, own = served("minority", scenarios.reference(scenario("minority")))
+    codes, naive = served("minority", robots.reference(scenario("even")))
+    _, own = served("minority", robots.reference(scenario("minority")))
     elder, wheelchair = codes[:, 2] == 4, codes[:, 3] == 0
     assert naive[~elder & ~wheelchair].mean() >= 0.99
     assert naive[elder].mean() <= 0.3

@@ -6,12 +6,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from evenhand import detector, issues
-from evenhand.errors import InputError
-from evenhand.inference import verdicts
-from evenhand.inference.permutation import permutation_test
-from evenhand.interactions import Interactions
-from evenhand.schemes import Fact, Identity, Scheme, own_issue, paper_scheme
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import detector, issues
+from evenhand.methods.scheme import Fact, Identity, Scheme, own_issue, paper_scheme
+from evenhand.methods.services import Interactions
+from evenhand.statistics import verdicts
+from evenhand.statistics.permutation import permutation_test
 
 NAN = np.nan
 SIZE, COLOUR = Identity("size", ("small", "large")), Identity("colour", ("red", "blue", "green"))

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.errors import InputError
-from evenhand.restaurant import driving, layout, senses, task
-from evenhand.restaurant.lanes import PERCEIVED, Lanes
-from evenhand.restaurant.senses import SenseSettings
+from evenhand.core.errors import InputError
+from evenhand.restaurant import people
+from evenhand.restaurant.scenarios import sensing
+from evenhand.restaurant.scenarios.sensing import SenseSettings
+from evenhand.restaurant.simulation import driving, layout, task
+from evenhand.restaurant.simulation.lanes import PERCEIVED, Lanes
 
 
-def draw(settings: SenseSettings, n: int, readings: int) -> senses.Chances:
+def draw(settings: SenseSettings, n: int, readings: int) -> sensing.Chances:
     rng = np.random.default_rng(3)
     codes = people.sample(people.population("uniform"), n, rng)
-    return senses.draw(settings, codes, readings, 0.1, rng)
+    return sensing.draw(settings, codes, readings, 0.1, rng)
 
 
 def person(age: int = 2, disability: int = 1, skin: int = 0) -> list[int]:
@@ -68,22 +69,22 @@ class TestPerception:
         both = person(age=0, skin=5)
         codes = np.array([self.ADULT, self.CHILD, self.DARK, both, person(skin=3), person(skin=4)])
         # 1 - 0.8 * 0.7
-        assert senses.missed(1.0, codes) == pytest.approx([0.0, 0.2, 0.3, 0.44, 0.06, 0.18])
+        assert sensing.missed(1.0, codes) == pytest.approx([0.0, 0.2, 0.3, 0.44, 0.06, 0.18])
         # 1 - 0.9 * 0.85
-        assert senses.missed(0.5, codes[1:4]) == pytest.approx([0.1, 0.15, 0.235])
-        assert senses.missed(0.0, codes).tolist() == [0.0] * 6
+        assert sensing.missed(0.5, codes[1:4]) == pytest.approx([0.1, 0.15, 0.235])
+        assert sensing.missed(0.0, codes).tolist() == [0.0] * 6
 
     def test_apparent_height(self):
         codes = np.array([self.ADULT, self.CHILD, self.WHEELCHAIR])
         # 1.68 / 1.28 and 1.61 / 1.21
-        assert senses.mean_stretch(1.0, codes) == pytest.approx([1.0, 1.3125, 1.330579])
-        assert senses.mean_stretch(0.5, codes) == pytest.approx([1.0, 1.145644, 1.153507])
-        assert senses.mean_stretch(0.0, codes).tolist() == [1.0] * 3
+        assert sensing.mean_stretch(1.0, codes) == pytest.approx([1.0, 1.3125, 1.330579])
+        assert sensing.mean_stretch(0.5, codes) == pytest.approx([1.0, 1.145644, 1.153507])
+        assert sensing.mean_stretch(0.0, codes).tolist() == [1.0] * 3
 
     def test_people_differ_in_height(self):
         codes = np.array([self.ADULT] * 4000)
         settings = SenseSettings(perception=1.0)
-        drawn = senses.draw(settings, codes, 2, 0.1, np.random.default_rng(5))
+        drawn = sensing.draw(settings, codes, 2, 0.1, np.random.default_rng(5))
         assert np.log(drawn.stretch).std() == pytest.approx(0.057, rel=4 / np.sqrt(8000))
         assert np.median(drawn.stretch) == pytest.approx(1.0, abs=0.005)
 
@@ -94,7 +95,7 @@ class TestPerception:
         missed = {}
         for name, one in (("adult", self.ADULT), ("child", self.CHILD), ("dark", self.DARK)):
             codes = np.array([one] * n)
-            fails = senses.draw(settings, codes, readings, elapsed, np.random.default_rng(7)).fails
+            fails = sensing.draw(settings, codes, readings, elapsed, np.random.default_rng(7)).fails
             missed[name] = fails[:, 1:]
             assert not fails[:, 0].any()
         assert not missed["adult"].any()
@@ -106,7 +107,7 @@ class TestPerception:
     def test_runs_last_half_a_second(self):
         codes = np.array([self.CHILD] * 4000)
         settings = SenseSettings(0.01, 0.0, perception=1.0)
-        fails = senses.draw(settings, codes, 400, 0.1, np.random.default_rng(9)).fails[:, 1:]
+        fails = sensing.draw(settings, codes, 400, 0.1, np.random.default_rng(9)).fails[:, 1:]
         begins = (fails[:, 1:] & ~fails[:, :-1]).sum()
         assert fails.sum() / begins == pytest.approx(5.0, rel=0.03)
 
@@ -114,7 +115,7 @@ class TestPerception:
         rng = [np.random.default_rng(3), np.random.default_rng(3)]
         codes = np.array([self.ADULT] * 50), np.array([self.CHILD] * 50)
         a, b = (
-            senses.draw(SenseSettings(), c, 61, 0.1, r) for c, r in zip(codes, rng, strict=True)
+            sensing.draw(SenseSettings(), c, 61, 0.1, r) for c, r in zip(codes, rng, strict=True)
         )
         np.testing.assert_array_equal(a.fails, b.fails)
         assert (b.stretch == 1.0).all()
@@ -145,7 +146,7 @@ class TestLanes:
         settings = task.TaskSettings(interval)
         setups = layout.draw(people.population("uniform"), 1, np.random.default_rng(2))
         lanes, one = Lanes(1, settings), np.zeros(1, np.int64)
-        chances = senses.Chances(np.array([noise]), np.array([fails]), np.ones(1))
+        chances = sensing.Chances(np.array([noise]), np.array([fails]), np.ones(1))
         lanes.begin(one, lanes.prepare(setups, chances), one)
         known, truth = lanes.perceived[0], lanes.world.truth[0]
         out = [(known["reading"], known["age"], truth["distance"])]
@@ -178,6 +179,6 @@ class TestLanes:
         lanes, ids = Lanes(3, settings), np.arange(3)
         noise = np.tile([[0.1], [-0.2], [0.0]], (1, 31))
         fails = np.zeros((3, 31), bool)
-        lanes.begin(ids, lanes.prepare(setups, senses.Chances(noise, fails, np.ones(3))), ids)
+        lanes.begin(ids, lanes.prepare(setups, sensing.Chances(noise, fails, np.ones(3))), ids)
         lanes.respond(ids)
         assert lanes.facts(ids).sensed_error == pytest.approx([0.1, -0.2, 0.0])

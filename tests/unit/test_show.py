@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from evenhand import show
+from evenhand.core import terminal
 
 HEADS = ("identity", "group", "issue", "services", "rate", "difference, 95 % interval", "verdict")
 ROWS = [
@@ -22,7 +22,7 @@ def printed(monkeypatch, capsys):
         monkeypatch.setenv("COLUMNS", str(width or 80))
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setattr(sys.stdout, "isatty", lambda: width is not None)
-        show.table(title, columns, rows)
+        terminal.table(title, columns, rows)
         return re.sub(r"\x1b\[[\d;]*m", "", capsys.readouterr().out)
 
     return run

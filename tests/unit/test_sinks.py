@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.errors import InputError
-from evenhand.learn import run, sinks
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.training import loggers, run_folder
+from evenhand.training.settings import settings_of
 from support import wandb_file
 
 SETTINGS = replace(settings_of("service", "reinforce", "levelup", epochs=5), people=4)
@@ -26,7 +26,7 @@ class LostError(Exception):
 
 def train(folder: Path, names: tuple[str, ...], stop_after: int | None = None) -> None:
     """Train with a checkpoint every second epoch, up to the end or to the loss of the process."""
-    with sinks.opened(names, folder) as note:
+    with loggers.opened(names, folder) as note:
 
         def progress(numbers):
             note(numbers)
@@ -34,8 +34,12 @@ def train(folder: Path, names: tuple[str, ...], stop_after: int | None = None) -
                 raise LostError
 
         with contextlib.suppress(LostError):
-            run.execute(
-                folder, SETTINGS, detector_io.load(detector_io.SHIPPED), every=2, progress=progress
+            run_folder.execute(
+                folder,
+                SETTINGS,
+                detector_file.load(detector_file.SHIPPED),
+                every=2,
+                progress=progress,
             )
 
 
@@ -148,7 +152,7 @@ def test_the_mode_is_offline_whatever_the_environment_says(interrupted, tmp_path
         return started
 
     monkeypatch.setattr(wandb, "init", init)
-    assert sinks.write(("wandb",), folder) == 5
+    assert loggers.write(("wandb",), folder) == 5
     assert asked["offline"] is True
     assert asked["error"]["WANDB_ERROR_REPORTING"] == "false"
 
@@ -157,7 +161,7 @@ def test_sinks_can_be_written_afterwards_and_again(tmp_path):
     folder = tmp_path / "run"
     train(folder, ())
     for files in (1, 2, 2):
-        assert sinks.write(("tensorboard",), folder) == 5
+        assert loggers.write(("tensorboard",), folder) == 5
         assert len(list((folder / "tensorboard").iterdir())) == files
         assert [step for step, _ in events(folder)["issues/total"]] == [0, 1, 2, 3, 4]
 
@@ -179,7 +183,7 @@ def test_whoever_watches_sees_no_step_twice(tmp_path):
 def test_what_is_missing_or_no_number_is_left_out():
     numbers = {"epoch": 3, "total": None, "biased_detector": True, "reflection_issue": "risk",
                "services": 30, "time_serving": 0.5, "own": 1.5}  # fmt: skip
-    assert sinks.scalars(numbers) == {
+    assert loggers.scalars(numbers) == {
         "verdict/biased_detector": 1.0,
         "service/services": 30.0,
         "time/serving": 0.5,
@@ -189,17 +193,17 @@ def test_what_is_missing_or_no_number_is_left_out():
 
 def test_names_of_sinks():
     with pytest.raises(InputError, match="unknown sink 'tensorbord': did you mean 'tensorboard'"):
-        sinks.check(("tensorbord",))
+        loggers.check(("tensorbord",))
     with pytest.raises(InputError, match="the sink wandb is named twice: name it once"):
-        sinks.check(("wandb", "wandb"))
+        loggers.check(("wandb", "wandb"))
 
 
 @pytest.mark.parametrize("name", BOTH)
 def test_a_missing_extra_is_said_before_anything_is_written(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(sinks.importlib.util, "find_spec", lambda package: None)
+    monkeypatch.setattr(loggers.importlib.util, "find_spec", lambda package: None)
     with (
         pytest.raises(InputError, match=rf"pip install 'evenhand\[{name}\]'$"),
-        sinks.opened((name,), tmp_path / "run"),
+        loggers.opened((name,), tmp_path / "run"),
     ):
         pass
     assert not (tmp_path / "run").exists()
@@ -207,7 +211,7 @@ def test_a_missing_extra_is_said_before_anything_is_written(name, tmp_path, monk
 
 def test_a_folder_without_a_run(tmp_path):
     with pytest.raises(InputError, match=r"holds no run: there is no settings\.json in it"):
-        sinks.write(("tensorboard",), tmp_path)
+        loggers.write(("tensorboard",), tmp_path)
 
 
 def test_a_sink_that_cannot_be_written_is_said(interrupted, tmp_path):
@@ -215,7 +219,7 @@ def test_a_sink_that_cannot_be_written_is_said(interrupted, tmp_path):
     train(folder, ())
     (folder / "tensorboard").write_text("a file")
     with pytest.raises(InputError, match="tensorboard is a file, not a folder"):
-        sinks.write(("tensorboard",), folder)
+        loggers.write(("tensorboard",), folder)
 
 
 def test_a_full_disk_is_said(interrupted, tmp_path, monkeypatch):
@@ -228,14 +232,14 @@ def test_a_full_disk_is_said(interrupted, tmp_path, monkeypatch):
     train(folder, ())
     monkeypatch.setattr(tensorboardX.RecordWriter, "write", full)
     with pytest.raises(InputError, match=r"evenhand cannot be written: No space left on device"):
-        sinks.write(("tensorboard",), folder)
+        loggers.write(("tensorboard",), folder)
 
 
 def test_nothing_is_imported_unless_asked_for(apart, tmp_path):
     script = (
-        "import sys; from evenhand.commands import card, curves, minari, train;"
-        "from evenhand.learn import sinks; from evenhand.experiments import minari_data\n"
-        "with sinks.opened((), 'run') as note: note({}); note({'epoch': 0, 'total': 1.0})\n"
+        "import sys; from evenhand.cli import card, curves, minari, train;"
+        "from evenhand.training import loggers; from evenhand.experiments.minari import dataset\n"
+        "with loggers.opened((), 'run') as note: note({}); note({'epoch': 0, 'total': 1.0})\n"
         "print(*({'tensorboardX', 'wandb', 'minari', 'h5py'} & set(sys.modules)))"
     )
     shown = apart.of(sys.executable, "-c", script)(cwd=tmp_path)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from evenhand.learn.surgery import dot, off_bias, surgery
+from evenhand.training.surgery import dot, off_bias, surgery
 
 
 def vectors(*numbers):

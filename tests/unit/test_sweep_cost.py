@@ -2,9 +2,9 @@
 
 import pytest
 
-from evenhand.experiments.compare_settings import Cell
-from evenhand.experiments.sweep_cost import Kind, Sample, calculate, measure
-from evenhand.experiments.sweep_settings import Job, Sweep, Variant
+from evenhand.experiments.comparison.settings import Cell
+from evenhand.experiments.sweep.cost import Kind, Sample, calculate, measure
+from evenhand.experiments.sweep.settings import Job, Sweep, Variant
 
 SMALL, LARGE = Variant(epochs=100, services=1000), Variant(epochs=200, people=60, services=500)
 

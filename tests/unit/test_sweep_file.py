@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.experiments import sweep_file
-from evenhand.experiments.compare_settings import Cell
-from evenhand.experiments.sweep_settings import Job, Sweep, Variant
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison.settings import Cell
+from evenhand.experiments.sweep import file
+from evenhand.experiments.sweep.settings import Job, Sweep, Variant
 
 HEAD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
 
@@ -15,7 +15,7 @@ HEAD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
 def examine(tmp_path: Path, text: str) -> tuple[Sweep | None, list[str]]:
     path = tmp_path / "s.toml"
     path.write_text(text)
-    found, wrong = sweep_file.examine(path)
+    found, wrong = file.examine(path)
     return found, [str(mistake) for mistake in wrong]
 
 
@@ -77,13 +77,13 @@ seeds = [7, 3]
         )
 
     def test_the_example_is_one(self):
-        found, wrong = sweep_file.examine(sweep_file.EXAMPLE)
+        found, wrong = file.examine(file.EXAMPLE)
         assert not wrong
         assert found is not None
         # 2 scenarios, 4 arms, 5 seeds, 2 learning rates
         assert len(found.jobs) == 80
-        text = sweep_file.EXAMPLE.read_text()
-        for name in sweep_file.SETTINGS:
+        text = file.EXAMPLE.read_text()
+        for name in file.SETTINGS:
             assert name in text
 
 
@@ -239,7 +239,7 @@ class TestDuplicates:
 
 def test_no_file_at_all(tmp_path):
     with pytest.raises(InputError, match=r"no.toml cannot be read: No such file or directory"):
-        sweep_file.examine(tmp_path / "no.toml")
+        file.examine(tmp_path / "no.toml")
     (tmp_path / "x.toml").write_bytes(b"\xff")
     with pytest.raises(InputError, match=r"x.toml is not UTF-8 text: save it as UTF-8"):
-        sweep_file.examine(tmp_path / "x.toml")
+        file.examine(tmp_path / "x.toml")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.experiments.sweep_files import Carrier, Keeper, listed
+from evenhand.core.errors import InputError
+from evenhand.experiments.sweep.files import Carrier, Keeper, listed
 
 PATH = "variants/default/runs/x/seed-00"
 

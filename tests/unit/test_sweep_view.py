@@ -6,10 +6,10 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress, TextColumn
 
-from evenhand.commands.sweep_view import View
-from evenhand.experiments.compare_settings import Cell
-from evenhand.experiments.pool import Event
-from evenhand.experiments.sweep_settings import Job, Variant
+from evenhand.cli.sweep_view import View
+from evenhand.core.processes import Event
+from evenhand.experiments.comparison.settings import Cell
+from evenhand.experiments.sweep.settings import Job, Variant
 
 JOBS = [
     Job(Variant(epochs=10, people=10, services=300), Cell("tips", "ppo", "service", seed))

@@ -8,14 +8,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from evenhand.detector_report import CalibrationBin, wilson
-from evenhand.errors import InputError
-from evenhand.experiments import tables
-from evenhand.experiments.corrected import Record
-from evenhand.experiments.demos import Demos, Study
-from evenhand.interactions import Interactions
-from evenhand.people import IDENTITIES
-from evenhand.study.respondents import NAMEABLE, Judgements, Questionnaire
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper import tables
+from evenhand.experiments.paper.corrected_detector import Record
+from evenhand.experiments.paper.demonstrations import Demos, Study
+from evenhand.methods.services import Interactions
+from evenhand.restaurant.people import IDENTITIES
+from evenhand.statistics.detector_accuracy import CalibrationBin, wilson
+from evenhand.study.simulated.respondents import NAMEABLE, Judgements, Questionnaire
 
 NAN = np.nan
 

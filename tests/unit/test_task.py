@@ -5,14 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.errors import InputError
-from evenhand.restaurant import driving, plan, task
-from evenhand.restaurant.task import TaskSettings
+from evenhand.core.errors import InputError
+from evenhand.restaurant import floor_plan
+from evenhand.restaurant.simulation import driving, task
+from evenhand.restaurant.simulation.task import TaskSettings
 
 
 class TestTimes:
     def test_a_step_is_a_fiftieth_of_a_second(self):
-        seconds = np.array([1, 200, plan.MAX_STEPS]) * plan.TIMESTEP
+        seconds = np.array([1, 200, floor_plan.MAX_STEPS]) * floor_plan.TIMESTEP
         assert seconds == pytest.approx([0.02, 4.0, 6.0])
 
     @pytest.mark.parametrize(("interval", "decisions"), [(1, 300), (5, 60), (10, 30), (60, 5)])
@@ -30,7 +31,9 @@ class TestTimes:
 
 
 def steer(robot: complex, heading: float, target: complex, gap: float) -> np.ndarray:
-    command = driving.steer(robot, heading, target, gap, plan.TOP_SPEED, plan.MAX_ACCELERATION)
+    command = driving.steer(
+        robot, heading, target, gap, floor_plan.TOP_SPEED, floor_plan.MAX_ACCELERATION
+    )
     return np.array(command)
 
 
@@ -81,7 +84,7 @@ class TestSteering:
     )
     def test_never_faster_than_the_top_speed(self, robot, target, heading, gap):
         command = steer(robot, heading, target, gap)
-        assert np.hypot(command[0], command[1]) <= plan.TOP_SPEED + 1e-9
+        assert np.hypot(command[0], command[1]) <= floor_plan.TOP_SPEED + 1e-9
         assert abs(command[2]) <= 3.0
 
 

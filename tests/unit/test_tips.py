@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.restaurant import tips
+from evenhand.core.errors import InputError
+from evenhand.restaurant.scenarios import tips
 
 CHILD, TEENAGER, ADULT, MIDDLE_AGED, ELDER = ([0, 0, age, 1, 0] for age in range(5))
 CODES = np.array([CHILD, TEENAGER, ADULT, MIDDLE_AGED, ELDER, CHILD])

@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.learn.batches import deal
-from evenhand.learn.policy import response_probability, state_values
-from evenhand.learn.update import Trajectories, UpdateSettings, update
+from evenhand.core.errors import InputError
+from evenhand.training.batches import deal
+from evenhand.training.policy import response_probability, state_values
+from evenhand.training.update import Trajectories, UpdateSettings, update
 from support.updates import (
     ALGORITHMS,
     OBS,

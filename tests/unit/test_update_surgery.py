@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.learn.update import Anchor, UpdateSettings, update
+from evenhand.training.update import Anchor, UpdateSettings, update
 from support.updates import (
     ALGORITHMS,
     L,

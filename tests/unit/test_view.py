@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenhand.learn.settings import TrainSettings
-from evenhand.learn.view import view
+from evenhand.training.observation import view
+from evenhand.training.settings import TrainSettings
 
 SEEN, UNAWARE = TrainSettings(), TrainSettings(unaware=True)
 

@@ -1,4 +1,4 @@
-// What the server tells (src/evenhand/study/orders.py, web/models.py), and what it is told.
+// What the server tells (src/evenhand/study/design/orders.py, web/models.py), and what it is told.
 
 export interface Study {
   name: string;

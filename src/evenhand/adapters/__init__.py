@@ -7,12 +7,12 @@ judge these by a detector, and shape rewards by guidance. ``report`` writes a pa
 
 from __future__ import annotations
 
-from evenhand.adapters.ended import Ended, FactsOf
+from evenhand.adapters.episodes import Ended, FactsOf
+from evenhand.adapters.guidance import JudgeSettings
 from evenhand.adapters.ledger import Ledger, Windows
-from evenhand.adapters.people import Sampler, invented
-from evenhand.adapters.shaping import JudgeSettings
+from evenhand.adapters.sampler import Sampler, invented
 from evenhand.adapters.wrappers import JudgeServices, JudgeVectorServices
-from evenhand.schemes import Fact, Identity, Scheme, own_issue, paper_scheme
+from evenhand.methods.scheme import Fact, Identity, Scheme, own_issue, paper_scheme
 
 __all__ = [
     "Ended",

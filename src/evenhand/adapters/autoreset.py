@@ -8,8 +8,8 @@ from typing import Any
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from evenhand.adapters.ended import FINAL_INFO, FINAL_OBS, Info
-from evenhand.errors import InputError, unknown
+from evenhand.adapters.episodes import FINAL_INFO, FINAL_OBS, Info
+from evenhand.core.errors import InputError, unknown
 
 
 def mode_of(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:

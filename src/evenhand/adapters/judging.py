@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from evenhand.adapters.ended import Ended, FactsOf, Info
+from evenhand.adapters.episodes import Ended, FactsOf, Info
+from evenhand.adapters.guidance import JudgeSettings
 from evenhand.adapters.ledger import Ledger, Windows
-from evenhand.adapters.people import Queue, Sampler
-from evenhand.adapters.shaping import JudgeSettings
-from evenhand.detector import Detector
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
-from evenhand.schemes import Scheme
+from evenhand.adapters.sampler import Queue, Sampler
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.scheme import Scheme
+from evenhand.methods.services import Interactions
 
 
 class Judging:

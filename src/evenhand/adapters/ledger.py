@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from evenhand.adapters.ended import Ended
-from evenhand.adapters.shaping import Guide, JudgeSettings, asked_about, judged
-from evenhand.adapters.told import checked
-from evenhand.detector import Detector
-from evenhand.errors import InputError, unknown
-from evenhand.inference import chance, verdicts
-from evenhand.inference.verdicts import Verdicts, VerdictSettings
-from evenhand.interactions import Interactions
-from evenhand.issues import Counts, Scores, count, scores_of
-from evenhand.schemes import Scheme
+from evenhand.adapters.check_facts import checked
+from evenhand.adapters.episodes import Ended
+from evenhand.adapters.guidance import Guide, JudgeSettings, asked_about, judged
+from evenhand.core.errors import InputError, unknown
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.issues import Counts, Scores, count, scores_of
+from evenhand.methods.scheme import Scheme
+from evenhand.methods.services import Interactions
+from evenhand.statistics import chance, verdicts
+from evenhand.statistics.verdicts import Verdicts, VerdictSettings
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,25 +19,26 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from evenhand import files, report, templates
 from evenhand.adapters.ledger import Ledger
 from evenhand.adapters.updates import Examined, caption, updates_table
 from evenhand.adapters.verdict import findings_of
-from evenhand.audits import figures as audit_figures
-from evenhand.audits import words
-from evenhand.audits.phrases import level
-from evenhand.audits.results import AuditSettings, Findings
-from evenhand.errors import InputError
-from evenhand.report import figures, figures_reflection, html, style
-from evenhand.report.figures import Drawn, Plate
-from evenhand.report.inputs import Results
-from evenhand.report.tables import Table, say, table, trailing_mean
+from evenhand.audits.judge.results import AuditSettings, Findings
+from evenhand.audits.show import figures as audit_figures
+from evenhand.audits.show import sentences
+from evenhand.audits.show.wording import level
+from evenhand.core import files
+from evenhand.core.errors import InputError
+from evenhand.report import figure as figures
+from evenhand.report import page as html
+from evenhand.report import reflection_figure, style
+from evenhand.report.figure import Drawn, Plate
+from evenhand.report.read_tables import Results
+from evenhand.report.table import Table, say, table, trailing_mean
 
 AVERAGE = 20
 """Windows in a running mean."""
 
 _LOOKS = ((style.BLUE, "o"), (style.VERMILLION, "s"), (style.GREEN, "^"), (style.ORANGE, "D"))
-_FOLDERS = (Path(__file__).parent / "templates", Path(report.__file__).parent / "templates")
 
 
 def write(
@@ -164,7 +165,7 @@ def updates_figure(updates: Mapping[str, Examined]) -> Drawn:
         "Self-reflection: updates along the bias gradient",
         "Dot charts by run: change of the score and rarity of each update; abnormal ones marked.",
         data,
-        lambda drawn, wide: figures_reflection.reflection_draw(drawn, wide, "update"),
+        lambda drawn, wide: reflection_figure.reflection_draw(drawn, wide, "update"),
         caption(data, updates),
     )
 
@@ -227,10 +228,10 @@ def _windows(data: Table, wide: bool) -> Figure:
 def _told(findings: Findings) -> list[str]:
     """Verdict, disparities and total in sentences."""
     return [
-        words.verdict_sentence(findings),
-        *words.disparity_sentences(findings),
-        *words.unknown_sentences(findings.findings),
-        words.total_sentence(findings),
+        sentences.verdict_sentence(findings),
+        *sentences.disparity_sentences(findings),
+        *sentences.unknown_sentences(findings.findings),
+        sentences.total_sentence(findings),
     ]
 
 
@@ -249,9 +250,9 @@ def _render(
     ledger = next(iter(runs.values()))
     scheme = ledger.scheme
     known = next(iter(found.values())).settings
-    return templates.fill(
+    return html.fill(
         "judged.html.j2",
-        *_FOLDERS,
+        Path(__file__).parent / "templates",
         manifest={"version": __version__, "created": created or title, "command": command},
         title=title,
         note=note,

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from evenhand import people
-from evenhand.adapters.ended import Ended
-from evenhand.schemes import Identity, paper_scheme
+from evenhand.adapters.episodes import Ended
+from evenhand.methods.scheme import Identity, paper_scheme
+from evenhand.restaurant import people
 
 SCHEME = paper_scheme([Identity(one.name, one.categories) for one in people.IDENTITIES])
 """Five identities, the paper's four issues and the facts that tell them."""

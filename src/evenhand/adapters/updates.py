@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from evenhand.errors import InputError
-from evenhand.reflection import Reflection, ReflectionSettings
-from evenhand.report import figures_reflection
-from evenhand.report.tables import Table, say_share, table
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
+from evenhand.report import reflection_figure
+from evenhand.report.table import Table, say_share, table
 
 HEADS = (
     "preset", "arm", "epoch", "projection", "p_value", "earlier", "rate", "alarm", "identity",
@@ -43,7 +43,7 @@ def updates_table(runs: Mapping[str, Examined]) -> Table:
     ]  # fmt: skip
     if not rows:
         raise InputError("no update was examined: leave these runs out")
-    return figures_reflection.able_or_not(table(HEADS[:-1], rows))
+    return reflection_figure.able_or_not(table(HEADS[:-1], rows))
 
 
 def caption(data: Table, runs: Mapping[str, Examined]) -> str:

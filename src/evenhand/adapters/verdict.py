@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.adapters.ledger import Ledger
-from evenhand.audits.results import AuditSettings, Findings, listed, overall
-from evenhand.errors import InputError
-from evenhand.inference.chance import even_gaps
-from evenhand.inference.verdicts import judge_table
+from evenhand.audits.judge.results import AuditSettings, Findings, listed, overall
+from evenhand.core.errors import InputError
+from evenhand.statistics.chance import even_gaps
+from evenhand.statistics.verdicts import judge_table
 
 
 def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findings:

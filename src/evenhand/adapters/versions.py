@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from importlib import metadata
 
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 
 
 def required(package: str, least: str, extra: str, what: str) -> None:

@@ -21,14 +21,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import iterate
 
 from evenhand.adapters.autoreset import mode_of, parted, statistics_of
-from evenhand.adapters.ended import FINAL_OBS, FactsOf, Info, kept, together
+from evenhand.adapters.episodes import FINAL_OBS, FactsOf, Info, kept, together
+from evenhand.adapters.guidance import JudgeSettings
 from evenhand.adapters.judging import Judged, Judging
-from evenhand.adapters.people import Sampler
-from evenhand.adapters.shaping import JudgeSettings
-from evenhand.adapters.track import SMALL, STEPS, Track
-from evenhand.detector import Detector
-from evenhand.errors import InputError
-from evenhand.schemes import Scheme
+from evenhand.adapters.lane_log import SMALL, STEPS, Track
+from evenhand.adapters.sampler import Sampler
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.scheme import Scheme
 
 TOGETHER = 128
 """Ended episodes that the facts function is asked about together, where that can wait."""

@@ -12,18 +12,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evenhand import detector_io, files
-from evenhand.audits import forms, words
-from evenhand.audits.counting import tally
-from evenhand.audits.findings import find
-from evenhand.audits.guessing import guess
-from evenhand.audits.mapping import Mapping, describe
-from evenhand.audits.mapping_file import from_toml
-from evenhand.audits.phrases import About, joined, meanings
-from evenhand.audits.results import AuditSettings, Findings
-from evenhand.audits.sources import Source, open_source
-from evenhand.audits.tally import Tally
-from evenhand.errors import InputError, unknown
+from evenhand.audits.count.count import tally
+from evenhand.audits.count.tally import Tally
+from evenhand.audits.judge.findings import find
+from evenhand.audits.judge.results import AuditSettings, Findings
+from evenhand.audits.read.guess_columns import guess
+from evenhand.audits.read.mapping import Mapping, describe
+from evenhand.audits.read.mapping_file import from_toml
+from evenhand.audits.read.sources import Source, open_source
+from evenhand.audits.show import rows as forms
+from evenhand.audits.show import sentences
+from evenhand.audits.show.wording import About, joined, meanings
+from evenhand.core import files
+from evenhand.core.errors import InputError, unknown
+from evenhand.methods import detector_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -86,13 +88,13 @@ class Audit:
     @property
     def summary(self) -> str:
         """The audit in plain words."""
-        return words.text(words.summary(self.findings, self.about))
+        return sentences.text(sentences.summary(self.findings, self.about))
 
     @property
     def card(self) -> str:
         """One HTML page that needs nothing else."""
         # what draws takes a second to load: an audit in the terminal does without
-        from evenhand.audits import card
+        from evenhand.audits.show import card
 
         return card.render(self.findings, self.about)
 
@@ -102,7 +104,7 @@ class Audit:
         Raises:
             InputError: for an identity that was not audited.
         """
-        from evenhand.audits import figures
+        from evenhand.audits.show import figures
         from evenhand.report import style
 
         known = figures.identities(self.findings)
@@ -182,7 +184,7 @@ def audit(
     Raises:
         InputError: when the log cannot be read or is not what it should be.
     """
-    judge = None if detector is None else detector_io.load(Path(detector))
+    judge = None if detector is None else detector_file.load(Path(detector))
     log = open_source(source, table)
     if "url" in log.description:  # without its password
         for written in (shlex.quote, str):

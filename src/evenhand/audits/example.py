@@ -17,7 +17,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pyarrow as pa
 
-from evenhand.errors import whole
+from evenhand.core.errors import whole
 
 SITES = ("garden", "harbour")
 ROBOTS = ("fetcher-1", "fetcher-2", "waiter-7")

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from evenhand import files
-from evenhand.experiments import tables
-from evenhand.inference.power import FalseAlarms, Power, false_alarms, power
-from evenhand.report import figures_alarms
+from evenhand.core import files
+from evenhand.experiments import alarms_figure
+from evenhand.experiments.paper import tables
+from evenhand.statistics.power import FalseAlarms, Power, false_alarms, power
 
 SIZES = (30, 120, 300, 1000)
 """Services of a window; 30 are the paper's epoch."""
@@ -48,7 +48,7 @@ def write(false: list[FalseAlarms], found: list[Power], seed: int, out: Path) ->
     files.make_folder(out)
     tables.write(out / "false_alarms.csv", [asdict(row) for row in false])
     tables.write(out / "power.csv", [asdict(row) for row in found])
-    svg, pdf = figures_alarms.draw(
+    svg, pdf = alarms_figure.draw(
         [asdict(row) for row in false], [asdict(row) for row in found], seed
     )
     files.write_text(out / "alarms.svg", svg)

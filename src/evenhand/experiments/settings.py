@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from evenhand import people
-from evenhand.cores import CORES
-from evenhand.errors import InputError, unknown, whole
+from evenhand.core.errors import InputError, unknown, whole
+from evenhand.core.processors import CORES
+from evenhand.restaurant import people
 
 PRESETS = ("paper", "service")
 """Rewards, as ``learn.train`` knows them."""

@@ -21,6 +21,8 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from evenhand.report.table import Table
+
 INK, GREY, PALE = "#1f2328", "#6e7781", "#d8dee4"
 BLUE, VERMILLION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
 SKY, PURPLE, BLACK = "#56B4E9", "#CC79A7", "#000000"
@@ -257,3 +259,9 @@ def inline_svg(svg: str, prefix: str) -> str:
     head, rest = re.sub(r"<[^>]+>", tag, body).split(">", 1)
     head = re.sub(r'\s(width|height|version|xmlns:xlink|xmlns)="[^"]*"', "", head)
     return f'{head} aria-hidden="true" focusable="false">{rest}'.strip()
+
+
+def arms_in(data: Table) -> list[str]:
+    """The arms of a table, the paper's four first and in their order."""
+    found = data.distinct("arm")
+    return [arm for arm in ARMS if arm in found] + [a for a in found if a not in ARMS]

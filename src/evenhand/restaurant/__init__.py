@@ -3,6 +3,6 @@
 Importing it makes ``evenhand/Restaurant-v0`` known to Gymnasium.
 """
 
-from evenhand.registration import register
+from evenhand.restaurant.registration import register
 
 register()

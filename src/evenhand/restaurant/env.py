@@ -7,16 +7,18 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from evenhand.errors import InputError, unknown
-from evenhand.restaurant import dressing, plan, task
-from evenhand.restaurant.episodes import (
+from evenhand.core.errors import InputError, unknown
+from evenhand.restaurant import floor_plan
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.env_base import (
     FACT_NAMES,
     Source,
     finished,
     observation_space,
     settings_from,
 )
-from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.simulation import task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 
 class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
@@ -93,7 +95,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         self._screen: Any = None
         self.metadata = {
             **self.metadata,
-            "render_fps": round(1 / (plan.TIMESTEP * self.settings.interval)),
+            "render_fps": round(1 / (floor_plan.TIMESTEP * self.settings.interval)),
         }
         self.observation_space = observation_space()
         self.action_space = gym.spaces.Discrete(2)
@@ -102,7 +104,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         self._running = self._begun = False
         self._ids = np.zeros(1, np.int64)
         if render_mode is not None:
-            from evenhand.restaurant.screen import Screen
+            from evenhand.restaurant.drawing.renderer import Screen
 
             self._screen = Screen(camera)
 

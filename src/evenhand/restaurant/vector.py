@@ -12,18 +12,18 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from evenhand import people
-from evenhand.cores import CORES
-from evenhand.errors import InputError, unknown
-from evenhand.restaurant import kernels, task
-from evenhand.restaurant.episodes import (
+from evenhand.core.errors import InputError, unknown
+from evenhand.core.processors import CORES
+from evenhand.restaurant import people
+from evenhand.restaurant.env_base import (
     FACT_NAMES,
     Source,
     finished,
     observation_space,
     settings_from,
 )
-from evenhand.restaurant.lanes import Lanes
+from evenhand.restaurant.simulation import kernels, task
+from evenhand.restaurant.simulation.lanes import Lanes
 
 
 class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):

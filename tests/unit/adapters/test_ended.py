@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evenhand.adapters import Ended
-from evenhand.adapters.ended import Info, kept, together
+from evenhand.adapters.episodes import Info, kept, together
 
 NAN = np.nan
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from evenhand import detector, guidance
 from evenhand.adapters import JudgeSettings, Ledger
-from evenhand.credit import CreditSettings
-from evenhand.errors import InputError
-from evenhand.guidance import GuidanceSettings
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.core.errors import InputError
+from evenhand.methods import guidance
+from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods.paper import detector
+from evenhand.statistics.verdicts import VerdictSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
 
 
@@ -190,9 +191,9 @@ def settings(**changes):
 
 
 def test_a_detector_of_something_else_is_refused():
-    from evenhand import detector_io
+    from evenhand.methods import detector_file
 
-    shipped = detector_io.load(detector_io.SHIPPED)
+    shipped = detector_file.load(detector_file.SHIPPED)
     with pytest.raises(InputError, match=r"judges willingness, .* and the scheme has late, loud"):
         Ledger(SCHEME, detector=shipped)
     scores = np.array([[0.0, 0.0], [1.0, 1.0]])

@@ -9,11 +9,11 @@ import pytest
 from evenhand.adapters import JudgeSettings, Ledger, page
 from evenhand.adapters.updates import Examined
 from evenhand.adapters.verdict import findings_of
-from evenhand.audits.results import AuditSettings
-from evenhand.errors import InputError
-from evenhand.inference.verdicts import VerdictSettings
-from evenhand.interactions import Interactions
-from evenhand.reflection import Reflection, ReflectionSettings
+from evenhand.audits.judge.results import AuditSettings
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
+from evenhand.methods.services import Interactions
+from evenhand.statistics.verdicts import VerdictSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
 
 

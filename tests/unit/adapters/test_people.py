@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from evenhand.adapters import invented, people
-from evenhand.adapters.people import Queue
+from evenhand.adapters import invented, sampler
+from evenhand.adapters.sampler import Queue
 from support.toys import SCHEME
 
 
@@ -23,7 +23,7 @@ def test_groups_are_as_frequent_where_nothing_is_said():
 
 
 def test_every_lane_serves_its_own_stream_in_order(monkeypatch):
-    monkeypatch.setattr(people, "BLOCK", 4)
+    monkeypatch.setattr(sampler, "BLOCK", 4)
     draw = invented(SCHEME)
     streams = np.random.default_rng(7).spawn(2)
     expected = [np.concatenate([draw(4, one) for _ in range(6)]) for one in streams]
@@ -46,7 +46,7 @@ def test_every_lane_serves_its_own_stream_in_order(monkeypatch):
 
 
 def test_more_at_once_than_are_drawn_at_a_time(monkeypatch):
-    monkeypatch.setattr(people, "BLOCK", 4)
+    monkeypatch.setattr(sampler, "BLOCK", 4)
     draw = invented(SCHEME)
     streams = np.random.default_rng(7).spawn(2)
     expected = [np.concatenate([draw(4, one) for _ in range(8)]) for one in streams]

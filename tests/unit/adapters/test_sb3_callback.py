@@ -17,9 +17,9 @@ from evenhand.adapters import (
     invented,
     own_issue,
 )
-from evenhand.errors import InputError
-from evenhand.guidance import GuidanceSettings, guided
-from evenhand.reflection import ReflectionSettings
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.guidance import GuidanceSettings, guided
 from support import toys
 from support.extras import wanted
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from evenhand.adapters import Fact, Identity, JudgeSettings, Ledger, Scheme, own_issue
-from evenhand.errors import InputError
-from evenhand.guidance import guided
-from evenhand.reflection import ReflectionSettings
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.guidance import guided
 from support import ledgers
 from support.extras import wanted
 

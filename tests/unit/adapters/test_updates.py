@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evenhand.adapters.updates import Examined, caption, updates_table
-from evenhand.errors import InputError
-from evenhand.reflection import Reflection, ReflectionSettings
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
 
 
 def reflection(change, p, alarm=False):

@@ -7,7 +7,7 @@ from importlib import metadata
 import pytest
 
 from evenhand.adapters import versions
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 
 
 def said(monkeypatch, installed):
@@ -51,7 +51,7 @@ def test_nothing_of_an_old_version_is_imported():
 import sys
 from importlib import metadata
 metadata.version = lambda name: "1.8.0"
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 try:
     import evenhand.adapters.sb3
 except InputError as error:

@@ -6,8 +6,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from evenhand.adapters import JudgeServices, JudgeSettings, JudgeVectorServices, invented, track
-from evenhand.errors import InputError
+from evenhand.adapters import JudgeServices, JudgeSettings, JudgeVectorServices, invented, lane_log
+from evenhand.core.errors import InputError
 from support.toys import SCHEME, Toy, facts_of, plainly
 
 MODES = list(AutoresetMode)
@@ -76,7 +76,7 @@ def test_services_stand_in_the_order_in_which_they_ended(mode):
 @pytest.mark.parametrize("mode", MODES)
 def test_where_episodes_are_cut_for_writing_makes_no_difference(mode, monkeypatch):
     whole = run(vector(mode), 300)
-    monkeypatch.setattr(track, "STEPS", 7)
+    monkeypatch.setattr(lane_log, "STEPS", 7)
     monkeypatch.setattr("evenhand.adapters.wrappers.STEPS", 7)
     parts = run(vector(mode), 300)
     assert whole.fact("steps").tolist() == parts.fact("steps").tolist()

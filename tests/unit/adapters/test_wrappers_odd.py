@@ -18,8 +18,8 @@ from evenhand.adapters import (
     Scheme,
     own_issue,
 )
-from evenhand.errors import InputError
-from evenhand.guidance import guided
+from evenhand.core.errors import InputError
+from evenhand.methods.guidance import guided
 from support import toys
 from support.toys import plainly
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from evenhand.audits.phrases import About
-from evenhand.audits.results import (
+from evenhand.audits.judge.results import (
     AuditSettings,
     Finding,
     Findings,
@@ -17,7 +16,8 @@ from evenhand.audits.results import (
     Resemblance,
     WaitFinding,
 )
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.audits.show.wording import About
+from evenhand.statistics.verdicts import VerdictSettings
 
 NAN = math.nan
 ISSUES = ("willingness", "quality", "priority", "risk")

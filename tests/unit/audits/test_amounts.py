@@ -6,12 +6,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from evenhand.audits import amounts, means, waits
-from evenhand.audits.counting import tally
+from evenhand.audits.count import waits_and_measures
+from evenhand.audits.count.count import tally
 from evenhand.audits.example import synthetic_log
-from evenhand.audits.guessing import guess
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.sources import open_source
+from evenhand.audits.judge import means, waits
+from evenhand.audits.read.guess_columns import guess
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.sources import open_source
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 
@@ -47,7 +48,7 @@ def test_more_combinations_than_a_count_has_are_counted_one_identity_after_the_o
     source = open_source(synthetic_log(400, np.random.default_rng(0)))
     mapping = dataclasses.replace(guess(source.table.columns), within=("site",))
     whole, _ = tally(source, mapping)
-    monkeypatch.setattr(amounts, "MOST_ROWS", 2000)
+    monkeypatch.setattr(waits_and_measures, "MOST_ROWS", 2000)
     apart, warnings = tally(source, mapping)
     assert whole.waits is not None
     assert apart.waits is not None

@@ -19,13 +19,13 @@ import evenhand
 from evenhand.audits import api
 from evenhand.audits.api import Audit, audit
 from evenhand.audits.example import synthetic_log
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.results import AuditSettings
-from evenhand.audits.sources import open_source
-from evenhand.errors import InputError
-from evenhand.inference.verdicts import VerdictSettings
-from evenhand.interactions import Interactions
-from evenhand.issues import Thresholds
+from evenhand.audits.judge.results import AuditSettings
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.sources import open_source
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Thresholds
+from evenhand.methods.services import Interactions
+from evenhand.statistics.verdicts import VerdictSettings
 
 QUICK = AuditSettings(VerdictSettings(permutations=200), seed=3)
 LOG = synthetic_log(2000, np.random.default_rng(2))

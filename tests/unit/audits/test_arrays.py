@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from evenhand.audits.arrays import floats, integers
+from evenhand.audits.count.arrow_arrays import floats, integers
 
 NAN = float("nan")
 

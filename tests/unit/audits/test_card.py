@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from evenhand.audits import card, figures
+from evenhand.audits.show import card, figures
 from evenhand.report import style
 from support import pages
 

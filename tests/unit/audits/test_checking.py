@@ -3,10 +3,10 @@
 import pyarrow as pa
 import pytest
 
-from evenhand.audits import checking, counting, keyed
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.sources import open_source
-from evenhand.errors import InputError
+from evenhand.audits.count import checks, count, group_by
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.sources import open_source
+from evenhand.core.errors import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWar
 def warned(columns, **roles):
     who = ["a", "b"] * (len(next(iter(columns.values()))) // 2)
     source = open_source(pa.table({"who": who, **columns}))
-    return counting.tally(source, Mapping(identities=("who",), **roles))[1]
+    return count.tally(source, Mapping(identities=("who",), **roles))[1]
 
 
 @pytest.mark.parametrize(
@@ -55,32 +55,32 @@ def test_a_wrong_cell_comes_before_too_many_groups():
     log = {"who": who, "ok": ["yes", "no", "perhaps", *["yes"] * 1997]}
     roles = Mapping(identities=("who",), responded="ok")
     with pytest.raises(InputError, match=WRONG):
-        counting.tally(open_source(pa.table(log)), roles)
+        count.tally(open_source(pa.table(log)), roles)
     log["ok"][2] = "no"
-    with pytest.raises(InputError, match=f"more than {checking.MOST_GROUPS} groups"):
-        counting.tally(open_source(pa.table(log)), roles)
+    with pytest.raises(InputError, match=f"more than {checks.MOST_GROUPS} groups"):
+        count.tally(open_source(pa.table(log)), roles)
 
 
 def test_a_wrong_cell_comes_before_too_many_combinations(monkeypatch):
-    monkeypatch.setattr(keyed, "MOST_ROWS", 3)
+    monkeypatch.setattr(group_by, "MOST_ROWS", 3)
     log = {"who": ["a", "b", "c", "d"], "ok": ["yes", "no", "perhaps", "yes"]}
     roles = Mapping(identities=("who",), responded="ok")
     with pytest.raises(InputError, match=WRONG):
-        counting.tally(open_source(pa.table(log)), roles)
+        count.tally(open_source(pa.table(log)), roles)
     log["ok"][2] = "no"
     with pytest.raises(InputError, match="more than 3 combinations"):
-        counting.tally(open_source(pa.table(log)), roles)
+        count.tally(open_source(pa.table(log)), roles)
 
 
 def test_the_first_wrong_column_is_told_whatever_the_row():
     log = {"who": ["a", "b", "a"], "ok": ["yes", "no", "perhaps"], "d": ["x", "1", "1"]}
     roles = Mapping(identities=("who",), responded="ok", min_distance="d")
     with pytest.raises(InputError, match=WRONG):
-        counting.tally(open_source(pa.table(log)), roles)
+        count.tally(open_source(pa.table(log)), roles)
 
 
 def test_a_log_that_was_mended_while_it_was_read(monkeypatch):
     source = open_source(pa.table({"who": ["a", "b"], "ok": ["yes", "perhaps"]}))
-    monkeypatch.setattr(checking, "refuse_wrong", lambda source, mapping, read: None)
+    monkeypatch.setattr(checks, "refuse_wrong", lambda source, mapping, read: None)
     with pytest.raises(InputError, match="changed while it was read: audit a copy"):
-        counting.tally(source, Mapping(identities=("who",), responded="ok"))
+        count.tally(source, Mapping(identities=("who",), responded="ok"))

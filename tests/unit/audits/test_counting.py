@@ -9,13 +9,13 @@ import polars as pl
 import pyarrow as pa
 import pytest
 
-from evenhand.audits.counting import tally
-from evenhand.audits.guessing import guess
-from evenhand.audits.mapping import Mapping, limits
-from evenhand.audits.sources import open_source
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
-from evenhand.issues import indicators
+from evenhand.audits.count.count import tally
+from evenhand.audits.read.guess_columns import guess
+from evenhand.audits.read.mapping import Mapping, limits
+from evenhand.audits.read.sources import open_source
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import indicators
+from evenhand.methods.services import Interactions
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 

@@ -6,7 +6,7 @@ import pytest
 
 from evenhand.audits.api import Audit, audit
 from evenhand.audits.example import synthetic_log
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 
 LOG = synthetic_log(5000, np.random.default_rng(0))
 

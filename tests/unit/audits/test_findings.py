@@ -10,11 +10,11 @@ from fairlearn.metrics import demographic_parity_difference
 from statsmodels.stats.contingency_tables import StratifiedTable
 from statsmodels.stats.proportion import proportion_confint
 
-from evenhand.audits import findings
-from evenhand.audits.results import AuditSettings
-from evenhand.audits.tally import Identity, Tally
-from evenhand.errors import InputError
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.audits.count.tally import Identity, Tally
+from evenhand.audits.judge import findings
+from evenhand.audits.judge.results import AuditSettings
+from evenhand.core.errors import InputError
+from evenhand.statistics.verdicts import VerdictSettings
 
 
 def log(rows, groups, issues=("callback",), strata=("",)):

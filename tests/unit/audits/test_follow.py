@@ -14,10 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.audits import api, follow, watching
-from evenhand.audits.follow import Follower, records
-from evenhand.audits.watching import Watching, WatchSettings
-from evenhand.errors import InputError
+from evenhand.audits import api
+from evenhand.audits.watch import alarm, tail
+from evenhand.audits.watch.alarm import Watching, WatchSettings
+from evenhand.audits.watch.tail import Follower, records
+from evenhand.core.errors import InputError
 
 ROWS = [
     (f"{n}", ("a", "b", 'x "y"\nz', "1,2")[n * 7 % 4], ("yes", "no", "no")[n * n % 3])
@@ -38,7 +39,7 @@ def as_lines(rows=ROWS) -> bytes:
 
 
 def begin(path: Path | str, batch: int = 6, **words) -> Follower:
-    return follow.follower(
+    return tail.follower(
         str(path),
         words.get("table"),
         words.get("order"),
@@ -51,7 +52,7 @@ def drained(log: Follower, state: Watching | None = None) -> Watching:
     """The watch after all that is there."""
     while (new := log.next()) is not None:
         batch = WatchSettings(batch=log.batch)
-        state = watching.take(state or watching.begin(batch, new.issues), new)
+        state = alarm.take(state or alarm.begin(batch, new.issues), new)
     assert state is not None
     return state
 
@@ -138,8 +139,8 @@ def test_live_is_the_same_as_catching_up(tmp_path, name):
             file.write(content[a:b])
         log = log or begin(live)
         while (new := log.next()) is not None:
-            state = state or watching.begin(WatchSettings(batch=6), new.issues)
-            state = watching.take(state, new)
+            state = state or alarm.begin(WatchSettings(batch=6), new.issues)
+            state = alarm.take(state, new)
     assert state is not None
     alike(state, at_once)
 
@@ -162,7 +163,7 @@ def test_each_service_is_counted_once_in_its_own_batch(tmp_path):
 def test_great_logs_are_caught_up_with_in_several_rounds(tmp_path, monkeypatch):
     (tmp_path / "log.csv").write_bytes(as_csv())
     at_once = drained(begin(tmp_path / "log.csv"))
-    monkeypatch.setattr(follow, "MOST", 4)
+    monkeypatch.setattr(tail, "MOST", 4)
     log = begin(tmp_path / "log.csv")
     first = log.next()
     assert first is not None
@@ -239,7 +240,7 @@ def test_a_watch_needs_rows_and_takes_no_strata(tmp_path):
         begin(path)
     path.write_bytes(as_csv())
     with pytest.raises(InputError, match="leave out --within"):
-        follow.follower(
+        tail.follower(
             str(path), None, None, 6, lambda s: api.mapping_for(s, None, {"within": ("group",),
                                                                          "identities": ("n",)})
         )  # fmt: skip
@@ -265,7 +266,7 @@ def test_a_table_is_followed_in_its_order_however_it_lies(tmp_path):
     def chosen(source):
         return api.mapping_for(source, None, {"identities": ("group",), "responded": "ok"})
 
-    log = follow.follower(str(path), None, "n", 6, chosen)
+    log = tail.follower(str(path), None, "n", 6, chosen)
     alike(drained(log), drained(begin(tmp_path / "log.csv")))
 
 
@@ -280,7 +281,7 @@ def test_a_table_is_followed_in_its_order_however_it_lies(tmp_path):
 def test_a_table_needs_an_order(tmp_path, order, said):
     path = database(tmp_path / "log.duckdb", ROWS)
     with pytest.raises(InputError, match=said):
-        follow.follower(
+        tail.follower(
             str(path), None, order, 6,
             lambda s: api.mapping_for(s, None, {"identities": ("group",), "responded": "ok"}),
         ).next()  # fmt: skip
@@ -295,7 +296,7 @@ def test_a_row_that_comes_late_is_told(tmp_path):
     with duckdb.connect(str(path)) as con:
         con.execute('create table log (n integer, "group" varchar, ok varchar)')
         con.executemany("insert into log values (?, ?, ?)", [(2 * n, "a", "no") for n in range(6)])
-    log = follow.follower(f"duckdb://{path}", "log", "n", 6, chosen)
+    log = tail.follower(f"duckdb://{path}", "log", "n", 6, chosen)
     assert log.next() is not None
     con: Any = log.source.table.get_backend()
     con.con.execute("insert into log select 3 + 100 * i, 'a', 'no' from range(6) as r(i)")

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import pytest
 
-from evenhand import show
-from evenhand.audits import forms
+from evenhand.audits.show import rows as forms
+from evenhand.core import terminal
 
 NAN = math.nan
 
@@ -94,7 +94,7 @@ def test_the_terminal_shows_disparities_first_and_no_group_vanishes(made_up, cap
     assert [row[1] for row in rows[:4]] == ["Elder", "Elder", "Child", "Child"]
     assert [row[9] for row in rows[:4]] == ["disparity"] * 3 + ["no evidence"]
     assert [row[1] for row in rows[-4:]] == ["unknown"] * 4
-    show.table("Findings", heads, rows)
+    terminal.table("Findings", heads, rows)
     shown = capsys.readouterr().out
     assert shown.count("visitor") == 4
     assert "+18.0 [+13.0, +23.0]" in shown
@@ -105,7 +105,7 @@ def test_the_terminal_shows_disparities_first_and_no_group_vanishes(made_up, cap
 def test_a_name_with_markup_or_escape_codes_is_shown_as_it_is(made_up, one, capsys):
     evil = "[bold]x[/bold]\x1b[31m"
     heads, rows = forms.terminal(made_up(findings=(one("age", evil, "risk", (1, 9), (1, 9)),)))
-    show.table("Findings", heads, rows)
+    terminal.table("Findings", heads, rows)
     shown = capsys.readouterr().out
     assert "[bold]x[/bold]�[31m" in shown
     assert "\x1b[31m" not in shown

@@ -12,11 +12,11 @@ import pyarrow.parquet
 import pytest
 
 from evenhand.audits.api import audit
-from evenhand.audits.groups import text_of
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.results import AuditSettings
-from evenhand.errors import InputError
-from evenhand.inference.verdicts import VerdictSettings
+from evenhand.audits.count.groups import text_of
+from evenhand.audits.judge.results import AuditSettings
+from evenhand.audits.read.mapping import Mapping
+from evenhand.core.errors import InputError
+from evenhand.statistics.verdicts import VerdictSettings
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 QUICK = AuditSettings(VerdictSettings(permutations=99))

@@ -2,11 +2,11 @@
 
 import pytest
 
-from evenhand.audits.guessing import guess
-from evenhand.audits.mapping import Mapping, describe, limits
-from evenhand.audits.mapping_file import from_toml
-from evenhand.errors import InputError
-from evenhand.issues import Thresholds
+from evenhand.audits.read.guess_columns import guess
+from evenhand.audits.read.mapping import Mapping, describe, limits
+from evenhand.audits.read.mapping_file import from_toml
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.issues import Thresholds
 
 
 def columns(*names: str) -> tuple[str, ...]:

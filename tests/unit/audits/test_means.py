@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.audits import means
-from evenhand.audits.tally import Identity, Tally, Values
+from evenhand.audits.count.tally import Identity, Tally, Values
+from evenhand.audits.judge import means
 
 PERMUTATIONS = 4000
 NAME = "smiles_per_minute"

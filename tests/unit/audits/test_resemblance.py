@@ -7,9 +7,10 @@ import pytest
 from scipy import stats
 from statsmodels.stats.proportion import proportions_ztest
 
-from evenhand import detector_io, issues
-from evenhand.audits import resemblance
-from evenhand.audits.tally import UNKNOWN, Identity, Tally
+from evenhand.audits.count.tally import UNKNOWN, Identity, Tally
+from evenhand.audits.judge import resemblance
+from evenhand.methods import detector_file
+from evenhand.methods.paper import issues
 
 ISSUES = ("willingness", "quality", "priority", "risk")
 
@@ -41,7 +42,7 @@ def test_unevenness_is_called_biased_and_chance_is_not(services):
     tally = log(UNEVEN, services)
     found = resemblance.ask(tally, np.random.default_rng(1), {"skill"}, 600)
     skill, shift = found
-    kinds = detector_io.load(detector_io.SHIPPED).kinds
+    kinds = detector_file.load(detector_file.SHIPPED).kinds
     assert (skill.identity, shift.identity) == ("skill", "shift")
     assert skill.biased > 0.9
     assert skill.biased - skill.biased_even > 0.3
@@ -76,7 +77,7 @@ def test_scores_are_those_of_the_log_without_the_unknown():
 
 def test_an_issue_that_the_log_does_not_tell():
     tally = log(UNEVEN, issue_names=ISSUES[:3])
-    detector = detector_io.load(detector_io.SHIPPED)
+    detector = detector_file.load(detector_file.SHIPPED)
     assert resemblance.ask(tally, np.random.default_rng(4), {"skill"}, 10) == ()
     assert "does not tell risk" in str(resemblance.unasked(tally, detector))
     few = log(UNEVEN, services=29)

@@ -11,13 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from evenhand.audits import databases
-from evenhand.audits.counting import tally
-from evenhand.audits.mapping import Mapping
-from evenhand.audits.readers import engine
-from evenhand.audits.sources import open_source
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
+from evenhand.audits.count.count import tally
+from evenhand.audits.read import databases
+from evenhand.audits.read.engines import engine
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.sources import open_source
+from evenhand.core.errors import InputError
+from evenhand.methods.services import Interactions
 
 pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 

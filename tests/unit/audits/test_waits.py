@@ -9,9 +9,9 @@ from scipy import stats
 from statsmodels.duration.survfunc import SurvfuncRight, survdiff
 from statsmodels.stats.multitest import multipletests
 
-from evenhand.audits import waits
-from evenhand.audits.tally import Identity, Tally, Waits
-from evenhand.inference import survival
+from evenhand.audits.count.tally import Identity, Tally, Waits
+from evenhand.audits.judge import waits
+from evenhand.statistics import survival
 
 IDENTITIES = (Identity("race", ("A", "B")), Identity("age", ("young", "middle", "old")))
 

@@ -11,10 +11,10 @@ from statsmodels.duration.survfunc import survdiff
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
-from evenhand.audits import waits
-from evenhand.audits.tally import Identity, Tally, Waits
-from evenhand.inference.strata import mantel_haenszel
-from evenhand.issues import Counts
+from evenhand.audits.count.tally import Identity, Tally, Waits
+from evenhand.audits.judge import waits
+from evenhand.methods.paper.issues import Counts
+from evenhand.statistics.strata import mantel_haenszel
 
 RACE = (Identity("race", ("A", "B")),)
 AGE = Identity("age", ("young", "middle", "old"))

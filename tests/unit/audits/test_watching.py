@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand.audits import watching
-from evenhand.audits.tally import Identity, Tally
-from evenhand.audits.watching import WatchSettings, begin, take
-from evenhand.errors import InputError
-from evenhand.inference import sequential
+from evenhand.audits.count.tally import Identity, Tally
+from evenhand.audits.watch import alarm
+from evenhand.audits.watch.alarm import WatchSettings, begin, take
+from evenhand.core.errors import InputError
+from evenhand.statistics import sequential
 
 ISSUES = ("willingness", "risk")
 
@@ -147,10 +147,10 @@ def test_an_even_log_raises_hardly_any_alarm_however_long_one_looks():
 def test_all_together_adds_up_weak_evidence():
     """Wealth of all streams that are not seen yet counts as 1."""
     state = begin(WatchSettings(alpha=0.1, most_groups=3), ISSUES)
-    assert watching.together_evidence(state) == pytest.approx(0.05)
+    assert alarm.together_evidence(state) == pytest.approx(0.05)
     wealth = replace(sequential.start(1, 2), log_wealth=np.log([[40.0, 16.0]]))
     # (40 + 16 + 4 · 1) / 6 = 10 of the 20 that alpha / 2 asks for
-    assert watching.together_evidence(state, wealth) == pytest.approx(0.5)
+    assert alarm.together_evidence(state, wealth) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

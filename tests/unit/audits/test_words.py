@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from evenhand.audits import phrases, words
-from evenhand.audits.results import Resemblance
-from evenhand.issues import Thresholds
+from evenhand.audits.judge.results import Resemblance
+from evenhand.audits.show import sentences as words
+from evenhand.audits.show import wording
+from evenhand.methods.paper.issues import Thresholds
 
 NAN = math.nan
 
@@ -199,20 +200,20 @@ def test_the_total_stands_beside_chance(told, made_up):
 @pytest.mark.parametrize(
     ("said", "expected"),
     [
-        (phrases.number(-0.001), "0.00"),
-        (phrases.number(-1234.5, 1), "-1,234.5"),
-        (phrases.points(-0.00001), "0.0"),
-        (phrases.points(0.123), "+12.3"),
-        (phrases.points(-0.5), "-50.0"),
-        (phrases.share(NAN), "not known"),
-        (phrases.number(NAN), "not known"),
-        (phrases.points(NAN), "not known"),
-        (phrases.p_value(NAN), "not known"),
-        (phrases.p_value(0.00099), "< 0.001"),
-        (phrases.p_value(0.05), "0.050"),
-        (phrases.seconds(1200.0), "1,200 s"),
-        (phrases.seconds(0.02), "0.02 s"),
-        (phrases.seconds(NAN), "not known"),
+        (wording.number(-0.001), "0.00"),
+        (wording.number(-1234.5, 1), "-1,234.5"),
+        (wording.points(-0.00001), "0.0"),
+        (wording.points(0.123), "+12.3"),
+        (wording.points(-0.5), "-50.0"),
+        (wording.share(NAN), "not known"),
+        (wording.number(NAN), "not known"),
+        (wording.points(NAN), "not known"),
+        (wording.p_value(NAN), "not known"),
+        (wording.p_value(0.00099), "< 0.001"),
+        (wording.p_value(0.05), "0.050"),
+        (wording.seconds(1200.0), "1,200 s"),
+        (wording.seconds(0.02), "0.02 s"),
+        (wording.seconds(NAN), "not known"),
     ],
 )
 def test_numbers_for_readers(said, expected):
@@ -221,16 +222,16 @@ def test_numbers_for_readers(said, expected):
 
 @pytest.mark.parametrize(("needed", "said"), [(7, 7), (99, 99), (101, 110), (12345, 13000)])
 def test_needs_are_rounded_up_to_two_digits(needed, said):
-    assert phrases.rounded_up(float(needed)) == said
+    assert wording.rounded_up(float(needed)) == said
 
 
 def test_names_cannot_break_or_turn_a_line():
-    assert phrases.shown("a\nb\x1b[31m\u202ec\x00") == "a�b�[31m�c�"
-    assert phrases.shown("نیم‌فاصله 日本 👩‍🦽") == "نیم‌فاصله 日本 👩‍🦽"
+    assert wording.shown("a\nb\x1b[31m\u202ec\x00") == "a�b�[31m�c�"
+    assert wording.shown("نیم‌فاصله 日本 👩‍🦽") == "نیم‌فاصله 日本 👩‍🦽"
 
 
 def test_issues_are_explained_with_their_thresholds():
-    said = phrases.meanings(Thresholds(0.9, 1.6, 150.0, 0.4), late=3.0)
+    said = wording.meanings(Thresholds(0.9, 1.6, 150.0, 0.4), late=3.0)
     assert {issue: plain(text) for issue, text in said.items()} == {
         "willingness": "no response",
         "quality": "a response nearer than 0.9 m or farther than 1.6 m",

@@ -11,15 +11,18 @@ from huggingface_hub import ModelCard
 from markdown_it import MarkdownIt
 from scipy import stats
 
-from evenhand import detector, detector_io, people
-from evenhand.cards import judge, robot
-from evenhand.cards.sections import Said
-from evenhand.detector_io import Answers
-from evenhand.errors import InputError
-from evenhand.experiments import card_numbers
-from evenhand.interactions import Interactions
-from evenhand.learn.run import as_dict
-from evenhand.learn.settings import settings_of
+from evenhand.core.errors import InputError
+from evenhand.experiments import model_card_numbers
+from evenhand.methods import detector_file
+from evenhand.methods.detector_file import Answers
+from evenhand.methods.paper import detector
+from evenhand.methods.services import Interactions
+from evenhand.report.model_cards import detector as judge
+from evenhand.report.model_cards import robot
+from evenhand.report.model_cards.sections import Said
+from evenhand.restaurant import people
+from evenhand.training.run_folder import as_dict
+from evenhand.training.settings import settings_of
 
 RNG = np.random.default_rng(5)
 N = 600
@@ -45,7 +48,7 @@ def services(codes: np.ndarray, answered: np.ndarray) -> Interactions:
 
 @pytest.fixture(scope="module")
 def trial() -> robot.Trial:
-    return card_numbers.trial_of(services(CODES, ANSWERED), 5, "uniform")
+    return model_card_numbers.trial_of(services(CODES, ANSWERED), 5, "uniform")
 
 
 def about(**changes) -> robot.Robot:
@@ -98,15 +101,15 @@ def test_shares_of_groups_are_counted_by_hand(trial):
 
 def test_the_mean_of_windows_has_students_interval(trial):
     values = np.array([0.1, 0.3, np.nan, 0.2])
-    mean = card_numbers.mean_of(values)
+    mean = model_card_numbers.mean_of(values)
     low, high = stats.ttest_1samp([0.1, 0.3, 0.2], 0.0).confidence_interval(0.95)
     assert low < 0.0  # where no score lies
     assert (mean.value, mean.low, mean.high) == pytest.approx((0.2, 0.0, high))
     assert mean.n == 3
-    mean = card_numbers.mean_of(values + 2.3, 2.6)
+    mean = model_card_numbers.mean_of(values + 2.3, 2.6)
     assert (mean.value, mean.low, mean.high) == pytest.approx((2.5, 2.3 + low, 2.6))
-    assert card_numbers.mean_of(np.array([0.4])) == robot.Mean(0.4, None, None, 1)
-    assert card_numbers.mean_of(np.array([np.nan])) == robot.Mean(None, None, None, 0)
+    assert model_card_numbers.mean_of(np.array([0.4])) == robot.Mean(0.4, None, None, 1)
+    assert model_card_numbers.mean_of(np.array([np.nan])) == robot.Mean(None, None, None, 0)
     assert trial.scores["total"].n == N // 30
 
 
@@ -115,7 +118,7 @@ def test_bad_luck_of_a_small_group_is_not_the_worst_service(few, named):
     codes, answered = CODES.copy(), ANSWERED.copy()
     codes[:, 0] = np.maximum(codes[:, 0], 1)  # nobody is of the first race but
     codes[:few, 0], answered[:few] = 0, False  # these, none of whom was answered
-    trial = card_numbers.trial_of(services(codes, answered), 5, "uniform")
+    trial = model_card_numbers.trial_of(services(codes, answered), 5, "uniform")
     assert trial.perfect_of[0].n == few
     assert (trial.worst == 0) is named
 
@@ -123,7 +126,7 @@ def test_bad_luck_of_a_small_group_is_not_the_worst_service(few, named):
 def test_nobody_is_served_worst_among_small_groups_only():
     codes = CODES[:40].copy()
     codes[:] = np.arange(40)[:, None] % 2
-    trial = card_numbers.trial_of(services(codes, ANSWERED[:40]), 5, "uniform")
+    trial = model_card_numbers.trial_of(services(codes, ANSWERED[:40]), 5, "uniform")
     assert trial.worst is None
     assert "worst_group_rate" not in robot.render(Said("r"), about(), trial)
 
@@ -156,7 +159,9 @@ def test_what_was_not_measured_is_called_so():
 
 
 def test_groups_that_nobody_was_of_stay_missing():
-    one = card_numbers.trial_of(services(np.zeros((60, 5), int), np.arange(60) > 2), 1, "uniform")
+    one = model_card_numbers.trial_of(
+        services(np.zeros((60, 5), int), np.arange(60) > 2), 1, "uniform"
+    )
     page = robot.render(Said("r"), about(), one)
     assert cells(page, "race: Black")[1:6] == ["not measured"] * 5
     assert cells(page, "race: White")[1:3] == ["95.0 % (86.3 to 98.3, n 60)", "not measured"]
@@ -167,7 +172,9 @@ def test_groups_that_nobody_was_of_stay_missing():
 def test_a_small_group_is_called_insufficient():
     codes = CODES[:60].copy()
     page = robot.render(
-        Said("r"), about(), card_numbers.trial_of(services(codes, ANSWERED[:60]), 1, "uniform")
+        Said("r"),
+        about(),
+        model_card_numbers.trial_of(services(codes, ANSWERED[:60]), 1, "uniform"),
     )
     assert cells(page, "race: Asian")[2].endswith("insufficient data")
 
@@ -178,7 +185,7 @@ def test_a_small_group_is_called_insufficient():
 def test_what_its_maker_says_stays_text(name, trial):
     for page in (
         robot.render(Said(name, notes=name), about(population=name, judge=name), trial),
-        judge.render(Said(name, notes=name), detector_io.load(detector_io.SHIPPED), None),
+        judge.render(Said(name, notes=name), detector_file.load(detector_file.SHIPPED), None),
     ):
         plain = " ".join(name.split())
         body = page.split("---\n", 2)[2]
@@ -218,7 +225,7 @@ def fitted(source: str = "respondents") -> detector.Detector:
 
 
 def test_hugging_face_reads_the_card_of_a_detector():
-    found = card_numbers.evaluation_of(fitted(), Answers(SCORES, BIASED, tuple(KINDS), None))
+    found = model_card_numbers.evaluation_of(fitted(), Answers(SCORES, BIASED, tuple(KINDS), None))
     page = judge.render(Said("D", "apache-2.0"), fitted(), found)
     card: Any = ModelCard(page)
     assert card.data.pipeline_tag == "tabular-classification"
@@ -248,12 +255,12 @@ def test_a_detector_whose_accuracy_was_not_measured():
 def test_answers_of_another_detector_are_refused():
     others = Answers(SCORES[:100], BIASED[:100], tuple(KINDS[:100]), None)
     with pytest.raises(InputError, match=r"not those .*\(100 judgements here, 120 there\)"):
-        card_numbers.evaluation_of(fitted(), others)
+        model_card_numbers.evaluation_of(fitted(), others)
 
 
 def test_the_code_of_a_detectors_card_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    detector_io.save(fitted(), tmp_path / "DETECTOR.json")
+    detector_file.save(fitted(), tmp_path / "DETECTOR.json")
     page = judge.render(Said("D"), fitted(), None)
     (block,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     names: dict = {}
@@ -277,5 +284,5 @@ def test_a_detector_of_own_issues_and_identities_is_repeated_in_python(tmp_path,
     assert "detect fit" not in page
     _, block = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(block, {})
-    assert detector_io.load(tmp_path / "DETECTOR.json") == own
+    assert detector_file.load(tmp_path / "DETECTOR.json") == own
     assert "evenhand detect fit --answers ANSWERS.csv" in judge.render(Said("D"), fitted(), None)

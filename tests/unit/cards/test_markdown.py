@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from evenhand.cards import markdown
-from evenhand.detector_report import wilson
+from evenhand.report.model_cards import markdown
+from evenhand.statistics.detector_accuracy import wilson
 
 NASTY = [
     "<script>alert(1)</script>",

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evenhand import people, robots
-from evenhand.film import sources
-from evenhand.restaurant import layout
+from evenhand.experiments import footage as sources
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.simulation import layout
 
 
 @pytest.fixture(scope="session")

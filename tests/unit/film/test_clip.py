@@ -6,13 +6,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from evenhand import robots
-from evenhand.errors import InputError
-from evenhand.film import clip, motion, signs
-from evenhand.film.clip import Style
-from evenhand.interactions import Interactions
-from evenhand.restaurant import dressing
-from evenhand.restaurant.screen import Screen
+from evenhand.core.errors import InputError
+from evenhand.methods.services import Interactions
+from evenhand.restaurant import robots
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.drawing.renderer import Screen
+from evenhand.restaurant.film import clip, motion, signs
+from evenhand.restaurant.film.clip import Style
 
 SMALL = Style(width=320, height=240)
 

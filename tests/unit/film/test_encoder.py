@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.film import encoder
+from evenhand.core.errors import InputError
+from evenhand.restaurant.film import encoder
 
 
 def gradient(number=0, height=48, width=64):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from evenhand import people
-from evenhand.film import motion
-from evenhand.restaurant import layout, plan, world
+from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant.film import motion
+from evenhand.restaurant.simulation import layout, world
 
 
 def test_twenty_five_pictures_a_second_each_of_a_moment_of_the_physics():
     assert motion.RATE == 25
-    assert pytest.approx(1.0) == plan.TIMESTEP * motion.FRAME_STEPS * motion.RATE
+    assert pytest.approx(1.0) == floor_plan.TIMESTEP * motion.FRAME_STEPS * motion.RATE
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ def test_the_last_moment_is_always_shown(steps, shown):
 def test_a_start_at_rest_with_constant_acceleration_is_exact():
     # x = a t^2 / 2 with a = 2.5 m/s^2; y stands still; yaw turns likewise
     steps = np.arange(21)
-    seconds = steps * plan.TIMESTEP
+    seconds = steps * floor_plan.TIMESTEP
     truth = np.stack([1.25 * seconds**2, 0 * seconds + 3, 0.5 * seconds**2], axis=1)
     found = motion.poses(truth[::5], 5, steps)
     np.testing.assert_allclose(found, truth, atol=1e-12)
@@ -47,15 +47,15 @@ def test_between_the_poses_it_is_where_the_physics_had_it():
     """240 services of 300 physics steps, each looked at in every step."""
     n = 240
     setups = layout.draw(people.population("uniform"), n, np.random.default_rng(8))
-    truth = np.zeros((plan.MAX_STEPS + 1, n, 3))
+    truth = np.zeros((floor_plan.MAX_STEPS + 1, n, 3))
     rooms = world.World(n)
     rooms.place(np.arange(n), rooms.prepare(setups), np.arange(n))
     truth[0] = rooms.state
-    for step in range(plan.MAX_STEPS):
+    for step in range(floor_plan.MAX_STEPS):
         rooms.walk(None, 1)
         truth[step + 1] = rooms.state
     assert (np.hypot(*(truth[-1] - truth[0])[:, :2].T) > 0.5).all(), "they drive"
-    steps = np.arange(plan.MAX_STEPS + 1)
+    steps = np.arange(floor_plan.MAX_STEPS + 1)
     errors = np.stack([motion.poses(truth[::5, i], 5, steps) - truth[:, i] for i in range(n)])
     metres = np.hypot(errors[..., 0], errors[..., 1])
     assert metres.max() < 0.005, metres.max()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evenhand.film import rings
-from evenhand.restaurant import scene
-from evenhand.restaurant.screen import Screen
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.drawing.renderer import Screen
+from evenhand.restaurant.film import rings
 
 
 def test_the_rings_are_the_limits_of_the_paper():
@@ -28,7 +28,7 @@ def test_a_ring_is_a_flat_band_that_is_seen_from_above(ring):
 
 
 def test_rings_change_nothing_that_happens():
-    plain, ringed = scene.model(dressed=True), rings.model(0.03)
+    plain, ringed = dressing.model(), rings.model(0.03)
     assert ringed.nq == plain.nq
     assert ringed.nu == plain.nu
     assert ringed.ngeom == plain.ngeom + 3

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from evenhand.film import rings, signs
+from evenhand.restaurant.film import rings, signs
 
 SIZES = [(320, 240), (640, 480), (1280, 960), (320, 960), (1280, 240)]
 WORST = ("No response within 6.00 s", "Issues: willingness, quality, priority, risk")

@@ -6,22 +6,23 @@ import json
 import numpy as np
 import pytest
 
-from evenhand import people, robots
-from evenhand.film import clip, study
-from evenhand.judgements import ISSUES
-from evenhand.study.respondents import SCENARIOS
+from evenhand.experiments.paper import questionnaire_clips
+from evenhand.methods.vocabulary import ISSUES
+from evenhand.restaurant import people, robots
+from evenhand.restaurant.film import clip
+from evenhand.study.simulated.respondents import SCENARIOS
 
 SEED = 0
 
 
 @pytest.fixture(scope="module")
 def served():
-    return study.serve(SEED)
+    return questionnaire_clips.serve(SEED)
 
 
 @pytest.fixture(scope="module")
 def choices(served):
-    return study.choose(served)
+    return questionnaire_clips.choose(served)
 
 
 def person(served, choice):
@@ -30,8 +31,8 @@ def person(served, choice):
 
 
 def test_there_is_a_scenario_for_each_issue_as_in_the_questionnaire():
-    assert tuple(scene.issue for scene in study.SCENES) == ISSUES
-    for scene, asked in zip(study.SCENES, SCENARIOS, strict=True):
+    assert tuple(scene.issue for scene in questionnaire_clips.SCENES) == ISSUES
+    for scene, asked in zip(questionnaire_clips.SCENES, SCENARIOS, strict=True):
         assert scene.number == asked.number
         assert scene.robot in asked.title
         # its own issue is what is seen most of in the paper's scenario
@@ -40,9 +41,9 @@ def test_there_is_a_scenario_for_each_issue_as_in_the_questionnaire():
 
 
 def test_every_scenario_has_two_triples(choices):
-    for scene in study.SCENES:
+    for scene in questionnaire_clips.SCENES:
         own = [choice for choice in choices if choice.scene is scene]
-        assert [choice.role for choice in own] == list(study.ROLES) * 2
+        assert [choice.role for choice in own] == list(questionnaire_clips.ROLES) * 2
         assert [choice.triple for choice in own] == [0, 0, 0, 1, 1, 1]
 
 
@@ -77,28 +78,30 @@ def test_two_triples_are_of_different_people(served, choices):
 
 
 def test_the_choice_is_the_same_each_time(served, choices):
-    assert study.choose(served) == choices
+    assert questionnaire_clips.choose(served) == choices
 
 
 def test_raters_are_not_primed():
-    style = study.STYLE
+    style = questionnaire_clips.STYLE
     assert (style.timer, style.rings, style.caption) == (False, False, "response")
 
 
 @pytest.mark.slow
 def test_the_clips_and_their_manifest(opengl, tmp_path, served):
-    scene = study.SCENES[3]
-    small = study.Style(
+    scene = questionnaire_clips.SCENES[3]
+    small = questionnaire_clips.Style(
         camera="guest", width=320, height=240, timer=False, rings=False, caption="response"
     )
-    paths = study.film(tmp_path, SEED, small, (scene,))
+    paths = questionnaire_clips.film(tmp_path, SEED, small, (scene,))
     names = [path.name for path in paths]
     assert sorted(names) == [f"clip-{i:02d}.mp4" for i in range(1, 7)] + ["clips.json"]
     manifest = json.loads((tmp_path / "clips.json").read_text())
     clips = manifest["clips"]
     assert [one["file"] for one in clips] == names[:-1]
-    assert sorted(one["role"] for one in clips) == sorted(study.ROLES * 2)
-    assert [one["role"] for one in clips] != list(study.ROLES) * 2, "their order tells nothing"
+    assert sorted(one["role"] for one in clips) == sorted(questionnaire_clips.ROLES * 2)
+    assert [one["role"] for one in clips] != list(questionnaire_clips.ROLES) * 2, (
+        "their order tells nothing"
+    )
     for one in clips:
         facts = served[one["robot"]].facts
         assert one["outcome"]["min_distance"] == facts.fact("min_distance")[one["service"]]

@@ -5,15 +5,15 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from evenhand import people, scenarios
-from evenhand.errors import InputError
-from evenhand.experiments import measure
-from evenhand.learn import train
-from evenhand.learn.settings import TrainSettings
-from evenhand.live import shift
-from evenhand.live.shift import BATCH, Shift, Tally
-from evenhand.restaurant import layout, needs, plan, senses, serve, task
-from evenhand.restaurant.lanes import Lanes
+from evenhand.core.errors import InputError
+from evenhand.restaurant import floor_plan, people, scenarios
+from evenhand.restaurant.live import shift
+from evenhand.restaurant.live.shift import BATCH, Shift, Tally
+from evenhand.restaurant.scenarios import needs, sensing
+from evenhand.restaurant.simulation import layout, serve, task
+from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.training import evaluate, train
+from evenhand.training.settings import TrainSettings
 
 
 def outcomes(seen: Shift, n: int) -> list[shift.Outcome]:
@@ -57,11 +57,11 @@ def test_facts_are_those_of_services_served_at_once(name, scenario, interval):
 
 def test_the_first_services_are_those_that_evaluate_measures():
     found = outcomes(Shift(shift.scripted("ageist", 0.5, "even"), 3), BATCH)
-    table = measure.serve_scripted("ageist", 0.5, "uniform", BATCH, 3)
+    table = evaluate.serve_scripted("ageist", 0.5, "uniform", BATCH, 3)
     perfect = [
         not (outcome.issues == 1.0).any() and outcome.facts.responded[0] for outcome in found
     ]
-    np.testing.assert_array_equal(perfect, measure.perfect(table))
+    np.testing.assert_array_equal(perfect, evaluate.perfect(table))
     np.testing.assert_array_equal(
         [outcome.facts.min_distance[0] for outcome in found], table.fact("min_distance")
     )
@@ -75,7 +75,7 @@ def test_a_policy_is_shown_as_it_is_measured():
         settings.task, settings.sensor, settings.needs,
     )  # fmt: skip
     found = outcomes(Shift(cast, 11), BATCH)
-    table = measure.serve_policy(state, settings, BATCH, 11)
+    table = evaluate.serve_policy(state, settings, BATCH, 11)
     np.testing.assert_array_equal(
         [outcome.facts.steps[0] for outcome in found], table.fact("steps")
     )
@@ -118,7 +118,7 @@ def test_a_step_is_a_step_of_physics():
     for step in range(1, 12):
         seen.step()
         assert seen.moment.steps == step
-        assert seen.data.time == pytest.approx(step * plan.TIMESTEP)
+        assert seen.data.time == pytest.approx(step * floor_plan.TIMESTEP)
     person = seen.now.setups.position[seen.now.row, 0]
     assert seen.moment.distance == pytest.approx(np.hypot(*(seen.data.qpos[:2] - person)))
     assert seen.moment.age == 0.0  # read at step 10
@@ -158,7 +158,7 @@ def test_counting_by_hand():
 def test_a_cast_has_the_world_of_its_scenario():
     cast = shift.scripted("even", 1.0, "everyday")
     assert (cast.name, cast.population) == ("even", "us")
-    assert cast.sense == senses.SenseSettings(perception=0.5)
+    assert cast.sense == sensing.SenseSettings(perception=0.5)
     assert cast.wanted == needs.NeedSettings(0.5)
     assert shift.scripted("racist", 0.5, "even").name == "racist, strength 0.5"
 

@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.live import shift, words
-from evenhand.live.shift import Shift
-from evenhand.live.wardrobe import Wardrobe
+from evenhand.core.errors import InputError
+from evenhand.restaurant.live import shift, words
+from evenhand.restaurant.live.browser_models import Wardrobe
+from evenhand.restaurant.live.shift import Shift
 
-studio = pytest.importorskip("evenhand.live.studio")
-panel = pytest.importorskip("evenhand.live.panel")
+studio = pytest.importorskip("evenhand.restaurant.live.studio")
+panel = pytest.importorskip("evenhand.restaurant.live.panel")
 from mujoco.studio import launch_thread, messages, viewer_handle  # noqa: E402
 
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand.live import words
-from evenhand.live.shift import Moment, Outcome, Tally
-from evenhand.restaurant.lanes import Facts
+from evenhand.restaurant.live import words
+from evenhand.restaurant.live.shift import Moment, Outcome, Tally
+from evenhand.restaurant.simulation.lanes import Facts
 
 NAN = np.nan
 CODES = np.array([1, 0, 4, 0, 5])

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evenhand.replay import looks
-from evenhand.restaurant import plan, scene
-from evenhand.restaurant.figures import SKIN, Figures
+from evenhand.restaurant import floor_plan
+from evenhand.restaurant.drawing import dressing
+from evenhand.restaurant.drawing.guests import SKIN, Figures
+from evenhand.restaurant.replay import looks
+from evenhand.restaurant.simulation import scene
 from support import replayed
 
 
@@ -36,7 +38,7 @@ def columns(parts, name, wide):
 
 def placed(seen, row):
     """The dressed model with the guests of a service in their places, and where everything is."""
-    model = copy.copy(scene.model(dressed=True))
+    model = copy.copy(dressing.model())
     Figures(model, scene.PERSON).show(seen, row)
     data = mujoco.MjData(model)
     data.qpos[:] = seen.pose[row, 0]
@@ -85,7 +87,7 @@ def test_the_robot_moved_by_a_pose_is_where_physics_has_it(still, seen):
 @pytest.mark.parametrize("row", [0, 5, 11])
 def test_every_guest_is_drawn_where_physics_has_it_and_as_coloured(seen, figured, row):
     model, data = placed(seen, row)
-    for guest in range(plan.N_GUESTS):
+    for guest in range(floor_plan.N_GUESTS):
         parts = figured.shapes[figured.shape[row, guest]]
         geoms = visible(model, scene.guest_name(guest))
         found = turned(columns(parts, "place", 3), seen.facing[row, guest])
@@ -98,7 +100,7 @@ def test_every_guest_is_drawn_where_physics_has_it_and_as_coloured(seen, figured
 
 
 def test_skin_tones_are_those_of_the_people(seen, figured):
-    for guest in range(plan.N_GUESTS):
+    for guest in range(floor_plan.N_GUESTS):
         tone = np.rint(255 * np.array(SKIN[seen.people[3, guest, 4]])).astype(np.uint8)
         coat = figured.coats[figured.coat[3, guest]]
         assert bytes(tone).hex() + "ff" in [figured.colours[k] for k in coat]
@@ -122,7 +124,7 @@ def test_who_asks_is_drawn_with_an_arm_up_and_on_light(still, figured):
 
 
 def test_pictures_are_the_textures_of_the_model(still):
-    model = scene.model(dressed=True)
+    model = dressing.model()
     surface = next(s for s in still["surfaces"] if s["name"] == "boards")
     kind, data = surface["picture"].split(",")
     assert kind == "data:image/png;base64"

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.replay import page
+from evenhand.core.errors import InputError
+from evenhand.restaurant.replay import page
 from support import replayed
 from support.pages import Page
 

@@ -5,11 +5,11 @@ import base64
 import numpy as np
 import pytest
 
-from evenhand import issues
-from evenhand.errors import InputError
-from evenhand.interactions import Interactions
-from evenhand.replay import services
-from evenhand.restaurant import plan
+from evenhand.core.errors import InputError
+from evenhand.methods.paper import issues
+from evenhand.methods.services import Interactions
+from evenhand.restaurant import floor_plan
+from evenhand.restaurant.replay import services
 from support import replayed
 
 NONE = float("nan")
@@ -72,7 +72,7 @@ def test_the_cameras_stand_in_the_room_and_look_at_robot_and_person(recorded, pa
         views = decoded(service["shoulder"]).reshape(-1, 7)
         assert len(views) == seen.frames[row]
         eye = views[:, :3] / 4000
-        assert (np.abs(eye[:, :2]) < plan.ROOM).all()
+        assert (np.abs(eye[:, :2]) < floor_plan.ROOM).all()
         w, x, y, z = (views[:, 3:] / 32767).T
         # minus the third column of the rotation matrix, by hand
         look = -np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], 1)

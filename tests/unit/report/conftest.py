@@ -340,7 +340,7 @@ def experiment(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a made-up experiment with its report; tests only read it."""
-    from evenhand.report import build
+    from evenhand.experiments.paper.report.build import build
 
     folder = write_results(
         tmp_path_factory.mktemp("built") / "experiment", seeds=(0, 1), epochs=12, windows=20

@@ -12,9 +12,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.report import build, figures
-from evenhand.report.figures import PLATES
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper.report import figures
+from evenhand.experiments.paper.report.build import build
+from evenhand.experiments.paper.report.figures import PLATES
 from support.pages import Page
 
 NAMES = [plate.name for plate in PLATES]

@@ -6,10 +6,9 @@ from math import isnan, nan
 
 import pytest
 
-from evenhand.experiments import compare_settings
-from evenhand.report import compare_aims as aims
-from evenhand.report.compare_aims import MISSED, REACHED, UNKNOWN
-from evenhand.report.tables import Estimate
+from evenhand.experiments.comparison import aims, settings
+from evenhand.experiments.comparison.aims import MISSED, REACHED, UNKNOWN
+from evenhand.report.table import Estimate
 
 HOLDS = "not settled: the interval holds 80\xa0%"
 
@@ -19,7 +18,7 @@ def of(mean: float, low: float = nan, high: float = nan, n: int = 10) -> Estimat
 
 
 def test_the_six_scenarios_are_those_that_there_are() -> None:
-    assert aims.SIX == compare_settings.SCENARIOS
+    assert aims.SIX == settings.SCENARIOS
 
 
 # --- corrected total ---

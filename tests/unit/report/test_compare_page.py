@@ -10,16 +10,10 @@ from typing import Any
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.experiments import compare_tables
-from evenhand.report import (
-    compare_data,
-    compare_page,
-    compare_verdicts,
-    compare_words,
-    figures_fronts,
-)
-from evenhand.report.compare_data import Comparison
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison import figures_fronts, judged_aims, read, tables, words
+from evenhand.experiments.comparison import page as compare_page
+from evenhand.experiments.comparison.read import Comparison
 from support.compared import write_comparison, write_csv
 from support.pages import Page
 
@@ -35,7 +29,7 @@ def change(path: Path, edit: Callable[[dict[str, str]], Any]) -> None:
 
 def drawn_without_figures(folder: Path) -> Page:
     """The page, where the figures show nothing more."""
-    return Page(compare_page.render(compare_data.read(folder), []))
+    return Page(compare_page.render(read.read(folder), []))
 
 
 def text_of(page: Page) -> str:
@@ -56,14 +50,14 @@ def page(built: Path) -> Page:
 
 @pytest.fixture(scope="module")
 def comparison(built: Path) -> Comparison:
-    return compare_data.read(built)
+    return read.read(built)
 
 
 def test_the_tables_are_those_that_the_comparison_writes() -> None:
-    assert {name: tuple(schema) for name, schema in compare_data.SCHEMAS.items()} == {
-        "results": compare_tables.RESULTS,
-        "summary": compare_tables.SUMMARY,
-        "fronts": compare_tables.FRONTS,
+    assert {name: tuple(schema) for name, schema in read.SCHEMAS.items()} == {
+        "results": tables.RESULTS,
+        "summary": tables.SUMMARY,
+        "fronts": tables.FRONTS,
     }
 
 
@@ -85,7 +79,7 @@ def test_the_page_stands_alone_and_is_well_formed(built: Path, page: Page) -> No
 
 
 def test_the_same_tables_give_the_same_bytes(built: Path) -> None:
-    again = [compare_page.render(compare_data.read(built), []) for _ in range(2)]
+    again = [compare_page.render(read.read(built), []) for _ in range(2)]
     assert again[0] == again[1]
 
 
@@ -98,13 +92,13 @@ def test_head_says_what_was_compared(page: Page) -> None:
         assert fact in text
 
 
-def cells(judged: compare_verdicts.Judged, scenario: str) -> Mapping[str, Any]:
+def cells(judged: judged_aims.Judged, scenario: str) -> Mapping[str, Any]:
     [line] = [line for line in judged.lines if line.scenario == scenario]
-    return dict(zip(compare_verdicts.AIMS, line.cells, strict=True))
+    return dict(zip(judged_aims.AIMS, line.cells, strict=True))
 
 
 def test_verdicts_by_hand(comparison: Comparison) -> None:
-    levelup, surgery = compare_verdicts.judge(comparison)
+    levelup, surgery = judged_aims.judge(comparison)
     assert (levelup.arm, surgery.arm) == ("level-up", "surgery")
     good = cells(levelup, "tips")
     # 0.45 of 0.50 attained; +1 point; +30 points; 0.8 against ELBERT's 0.7
@@ -133,13 +127,13 @@ def test_a_part_above_the_total_is_not_called_most_of_it(tmp_path: Path) -> None
             row["iqm"] = row["low"] = row["high"] = "0.35"
 
     change(folder / "summary.csv", raise_willingness)
-    _, surgery = compare_verdicts.judge(compare_data.read(folder))
+    _, surgery = judged_aims.judge(read.read(folder))
     why = cells(surgery, "prejudiced")["Corrected total"].why
     assert why.endswith("; its largest part is willingness, 0.350; parts can be below 0")
 
 
 def test_aims_over_scenarios_by_hand(comparison: Comparison) -> None:
-    levelup, surgery = compare_verdicts.judge(comparison)
+    levelup, surgery = judged_aims.judge(comparison)
     whole = [(aim, cell.state, cell.value) for aim, _, cell in levelup.whole]
     assert whole == [
         ("Biased epochs in training", "reached", "92.0\xa0% fewer"),  # 4 of 50
@@ -172,12 +166,12 @@ def test_other_strengths_are_judged_only_without_the_standard_one(tmp_path: Path
 
     for name in ("results", "summary"):
         change(folder / f"{name}.csv", rename)
-    assert compare_verdicts.judged_arms(compare_data.read(folder)) == ["levelup@2", "surgery"]
-    assert compare_data.arm_label("levelup@2") == "level-up, strength 2"
+    assert judged_aims.judged_arms(read.read(folder)) == ["levelup@2", "surgery"]
+    assert read.arm_label("levelup@2") == "level-up, strength 2"
 
 
 def test_scenarios_are_shown_by_four_robots(comparison: Comparison) -> None:
-    table = compare_words.scenario_table(comparison)
+    table = words.scenario_table(comparison)
     assert table[0][:2] == ("even", "nothing is uneven")
     lines = dict(table[2][2])
     assert list(lines) == ["untrained", "service alone, PPO", "reference robot"]
@@ -188,7 +182,7 @@ def test_scenarios_are_shown_by_four_robots(comparison: Comparison) -> None:
 
 
 def test_every_row_of_the_summary_is_in_the_page(comparison: Comparison) -> None:
-    full = dict(compare_words.full_table(comparison))
+    full = dict(words.full_table(comparison))
     assert sum(map(len, full.values())) == len(comparison.summary)
     assert full["tips"][0][:5] == [
         "", "reference robot", "corrected total", "10",
@@ -200,7 +194,7 @@ def test_every_row_of_the_summary_is_in_the_page(comparison: Comparison) -> None
 
 
 def test_limits_are_composed(comparison: Comparison) -> None:
-    said = dict(compare_words.limits(comparison))
+    said = dict(words.limits(comparison))
     assert set(said) == {"Scenarios not run.", "Arms not run.", "Code."}
     assert said["Scenarios not run."].startswith("perception, minority, everyday:")
 
@@ -225,7 +219,7 @@ def test_few_and_unequal_seeds_are_said(tmp_path: Path) -> None:
         row["seeds"] = "2" if row["arm"] == "elbert" else row["seeds"]
 
     change(folder / "summary.csv", fewer)
-    said = dict(compare_words.limits(compare_data.read(folder)))
+    said = dict(words.limits(read.read(folder)))
     assert said["Few seeds."].startswith("2 to 3 seeds an arm, where the aims ask for 10. An inter")
     assert said["Unequal seeds."].startswith("Arms have 2 to 3 seeds.")
     assert "Rows of all scenarios use the seeds that an arm has in each" in said["Unequal seeds."]
@@ -244,7 +238,7 @@ def test_where_all_runs_are_earlier_ones_their_code_and_time_are_told(tmp_path: 
         tmp_path / "out", runs=0, run_seconds=0, earlier=earlier | {"run_seconds": 36_000},
         commit={"hash": "cd" * 20, "changed": True},
     )  # fmt: skip
-    said = dict(compare_words.limits(compare_data.read(folder)))
+    said = dict(words.limits(read.read(folder)))
     assert said["Earlier runs."] == (
         "All runs were taken from a comparison of then, version 0, commit ababababab."
     )
@@ -271,7 +265,7 @@ def test_missing_numbers_stay_missing(tmp_path: Path) -> None:
     # one seed's numbers of 18 arms and 9 metrics, but for the biased epochs of 6 that learn nothing
     assert "156 of 1,620 numbers of runs are not defined" in text
     assert not re.search(r"\b(nan|NaN|None)\b", text)
-    assert figures_fronts.draw_all(compare_data.read(folder).fronts) == []
+    assert figures_fronts.draw_all(read.read(folder).fronts) == []
 
 
 def test_hostile_text_is_shown_and_never_run(tmp_path: Path) -> None:

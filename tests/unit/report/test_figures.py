@@ -10,20 +10,28 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from evenhand.report import figures, style
-from evenhand.report.figures_biased import biased_data, biased_draw, zoom_caption, zoom_data
-from evenhand.report.figures_detector import calibration_caption, confusion_data
-from evenhand.report.figures_learning import arms_in, curve_data, score_draw
-from evenhand.report.figures_scores import scores_data, scores_draw
-from evenhand.report.figures_study import (
+from evenhand.experiments.paper.report.figures import PLATES
+from evenhand.experiments.paper.report.figures_biased import (
+    biased_data,
+    biased_draw,
+    zoom_caption,
+    zoom_data,
+)
+from evenhand.experiments.paper.report.figures_detector import calibration_caption, confusion_data
+from evenhand.experiments.paper.report.figures_learning import curve_data, score_draw
+from evenhand.experiments.paper.report.figures_scores import scores_data, scores_draw
+from evenhand.experiments.paper.report.figures_study import (
     behaviour_data,
     questionnaire_data,
     questionnaire_draw,
     signatures_caption,
     signatures_data,
 )
-from evenhand.report.inputs import SCHEMAS, Results
-from evenhand.report.tables import Table, table
+from evenhand.experiments.paper.report.results import SCHEMAS
+from evenhand.report import style
+from evenhand.report.read_tables import Results
+from evenhand.report.style import arms_in
+from evenhand.report.table import Table, table
 
 NAN = math.nan
 
@@ -294,5 +302,5 @@ def test_svg_in_a_page_has_its_own_identifiers_and_no_size() -> None:
 
 
 def test_names_of_figures_are_unique() -> None:
-    names = [plate.name for plate in figures.PLATES]
+    names = [plate.name for plate in PLATES]
     assert len(set(names)) == len(names) == 13

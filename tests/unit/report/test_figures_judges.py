@@ -8,10 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.report import style, summary
-from evenhand.report.figures_detector import judge_text, judges_caption, judges_data, judges_draw
-from evenhand.report.inputs import SCHEMAS, Results
-from evenhand.report.tables import Table, table
+from evenhand.experiments.paper.report import summary
+from evenhand.experiments.paper.report.figures_detector import (
+    judge_text,
+    judges_caption,
+    judges_data,
+    judges_draw,
+)
+from evenhand.experiments.paper.report.results import SCHEMAS
+from evenhand.report import style
+from evenhand.report.read_tables import Results
+from evenhand.report.table import Table, table
 
 NAN = math.nan
 COLUMNS = tuple(SCHEMAS["judges"])

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from evenhand.errors import InputError
-from evenhand.report import build, figures, html, style
-from evenhand.report.figures_reflection import (
-    reflection_caption,
-    reflection_data,
-    reflection_draw,
-)
-from evenhand.report.inputs import KEYS, SCHEMAS, Results, read, read_table
-from evenhand.report.tables import Table, table
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper.report import figures
+from evenhand.experiments.paper.report.build import build
+from evenhand.experiments.paper.report.results import KEYS, SCHEMAS, read
+from evenhand.report import page, style
+from evenhand.report.read_tables import Results, read_table
+from evenhand.report.reflection_figure import reflection_caption, reflection_data, reflection_draw
+from evenhand.report.table import Table, table
 
 NAN = math.nan
 COLUMNS = tuple(SCHEMAS["reflection"])
@@ -124,12 +123,12 @@ def test_what_an_alarm_leaves_unsaid_is_not_invented() -> None:
 
 def test_the_page_lists_the_updates_with_an_alarm() -> None:
     quiet = [update(epoch) for epoch in range(100)]
-    listed = html.listing(reflection_data(results_of(*quiet, update(100, **ABNORMAL))))
+    listed = page.listing(reflection_data(results_of(*quiet, update(100, **ABNORMAL))))
     assert [row[3] for row in listed.rows] == ["100"]
     assert listed.rows[0][listed.heads.index("favoured")] == "Elder, Child"
     assert listed.note == "Updates with an alarm; all 101 updates are in the CSV file."
     # without any alarm some epochs, as of every long table
-    assert html.listing(reflection_data(results_of(*quiet))).note.startswith("Every 2 epochs")
+    assert page.listing(reflection_data(results_of(*quiet))).note.startswith("Every 2 epochs")
 
 
 def test_an_experiment_without_such_arms_leaves_the_figure_out(

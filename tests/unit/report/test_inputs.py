@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.report.inputs import SCHEMAS, read, read_table
+from evenhand.core.errors import InputError
+from evenhand.experiments.paper.report.results import SCHEMAS, read
+from evenhand.report.read_tables import read_table
 
 
 def edit(path: Path, old: str, new: str) -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.report import sweep_page
-from evenhand.report.compare_data import SCHEMAS
+from evenhand.core.errors import InputError
+from evenhand.experiments.comparison.read import SCHEMAS
+from evenhand.experiments.sweep import page as sweep_page
 from support.compared import write_csv
 
 RUNS = (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.report.tables import (
+from evenhand.report.table import (
     csv_text,
     mean_interval,
     say,

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.errors import InputError
-from evenhand.study import agreement
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import agreement
 
 # Four observers, twelve units (Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011,
 # section C; the example of R's irr::kripp.alpha), one row a unit, None where nobody answered.

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
-from evenhand.errors import InputError
-from evenhand.study import analysis, simulate
-from evenhand.study.analysis import Settings, analyse
-from evenhand.study.answers import Answers
-from evenhand.study.protocol import Question
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import analyse as analysis
+from evenhand.study.analysis.analyse import Settings, analyse
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.design.protocol import Question
+from evenhand.study.simulated import participants
 from support.answered import judged, options, protocol, row
 
 QUICK = Settings(permutations=99, bootstraps=99)
@@ -92,7 +93,7 @@ def test_progress_counts_pages_and_the_rest_of_the_study_too():
 
 
 def test_people_and_simulated_participants_are_never_in_one_table():
-    made = simulate.answers(protocol(), 7, 0).rows()
+    made = participants.answers(protocol(), 7, 0).rows()
     found = analyse(Answers.of_rows([*some(), *made]), protocol(), QUICK)
     people, programs = found.parts
     assert (people.kind, programs.kind) == ("people", "simulated")
@@ -150,7 +151,7 @@ def test_without_a_protocol_nothing_is_made_up():
 
 
 def test_the_same_seed_gives_the_same_tables():
-    rows = simulate.answers(protocol(), 20, 0).rows()
+    rows = participants.answers(protocol(), 20, 0).rows()
     for name, table in part(rows).tables.items():
         for column, cells in part(rows).tables[name].columns.items():
             np.testing.assert_array_equal(cells, table.columns[column])

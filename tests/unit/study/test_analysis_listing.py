@@ -2,8 +2,8 @@
 
 import pytest
 
-from evenhand.report.tables import table
-from evenhand.study.analysis_listing import listing
+from evenhand.report.table import table
+from evenhand.study.analysis.listing import listing
 
 NAN = float("nan")
 

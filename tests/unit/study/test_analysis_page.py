@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from evenhand.report import style
-from evenhand.study import analysis_page, simulate
-from evenhand.study.analysis import Settings, analyse
-from evenhand.study.analysis_page import Source
-from evenhand.study.answers import Answers
-from evenhand.study.protocol import ClipSet
+from evenhand.study.analysis import page as analysis_page
+from evenhand.study.analysis.analyse import Settings, analyse
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.analysis.page import Source
+from evenhand.study.design.protocol import ClipSet
+from evenhand.study.simulated import participants
 from support.answered import judged, protocol, row
 from support.pages import Page
 
@@ -54,7 +55,7 @@ def two_sets():
 @pytest.fixture(scope="module")
 def both(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("report")
-    written(folder, [*people(), *simulate.answers(two_sets(), 6, 0).rows()], two_sets())
+    written(folder, [*people(), *participants.answers(two_sets(), 6, 0).rows()], two_sets())
     return folder
 
 
@@ -91,7 +92,7 @@ def test_simulated_participants_have_a_section_and_files_of_their_own(both):
 
 
 def test_nothing_but_simulated_answers_says_so_at_the_top():
-    text = rendered(simulate.answers(protocol(), 5, 0).rows(), protocol())
+    text = rendered(participants.answers(protocol(), 5, 0).rows(), protocol())
     assert "Every answer here is simulated." in text
     assert re.search(r"<title>Evenhand: simulated answers to A small study", text)
     assert "Every answer here is simulated." not in rendered(people(), protocol())

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenhand.errors import InputError
-from evenhand.study import answers as rooms
-from evenhand.study.answers import Answers, read, write
-from evenhand.study.codebook import codebook
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import answers as rooms
+from evenhand.study.analysis.answers import Answers, read, write
+from evenhand.study.analysis.codebook import codebook
 from support.answered import judged, protocol, row
 
 FORMULAS = ["=1+1", "+1", "-1", "@SUM(A1)", " =1", "\t=1", "\n-2", "\r", "'quoted", "''", "\uff1d1",

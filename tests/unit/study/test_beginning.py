@@ -4,8 +4,9 @@ import secrets
 
 import pytest
 
-from evenhand.study import participating, rights
-from evenhand.study.refusals import RefusalError
+from evenhand.study.server import participants as participating
+from evenhand.study.server import rights
+from evenhand.study.server.refusal import RefusalError
 from support.studies import STUDY, Browser, served
 
 IDS = {"PROLIFIC_PID": "5f0", "STUDY_ID": "77a"}

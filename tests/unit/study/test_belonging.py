@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.study import belonging, codebook, counting, fitting, inferred
-from evenhand.study.analysis import Settings, analyse
-from evenhand.study.answers import Answers
-from evenhand.study.protocol import Demographic, Option
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import check_answers, codebook, counting, fit_detector, infer_protocol
+from evenhand.study.analysis.analyse import Settings, analyse
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.design.protocol import Demographic, Option
 from support.answered import judged, protocol, row
 
 QUICK = Settings(permutations=99, bootstraps=99)
@@ -28,8 +28,8 @@ def some(**changes):
 
 
 def test_answers_that_belong_are_accepted():
-    belonging.check(some(), protocol())
-    belonging.check(some(fair={"value": None, "number": None}), protocol())
+    check_answers.check(some(), protocol())
+    check_answers.check(some(fair={"value": None, "number": None}), protocol())
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_answers_that_belong_are_accepted():
 )  # fmt: skip
 def test_what_does_not_belong_is_told_with_its_place(changes, said):
     for check in (lambda answers: analyse(answers, protocol(), QUICK),
-                  lambda answers: fitting.judgements(answers, protocol())):  # fmt: skip
+                  lambda answers: fit_detector.judgements(answers, protocol())):  # fmt: skip
         with pytest.raises(InputError) as caught:
             check(some(**changes))
         assert str(caught.value).startswith("participant bob, page ")
@@ -64,15 +64,15 @@ def test_several_choices_are_looked_at_each():
     questions = tuple(
         replace(one, type="choices") if one.id == "towards" else one for one in protocol().questions
     )
-    belonging.check(some(towards={"value": "race|age"}), protocol(questions=questions))
+    check_answers.check(some(towards={"value": "race|age"}), protocol(questions=questions))
     with pytest.raises(InputError, match="'Age' is no option"):
-        belonging.check(some(towards={"value": "race|Age"}), protocol(questions=questions))
+        check_answers.check(some(towards={"value": "race|Age"}), protocol(questions=questions))
 
 
 @pytest.mark.parametrize("number", [1e300, 2_000_000.0, 12.0, 3.5])
 def test_without_a_protocol_a_scale_has_no_more_points_than_any_study(number):
     answers = some(fair={"value": f"{number!r}", "number": number})
-    assert max(one.points for one in inferred.study_of(answers).questions) <= 11
+    assert max(one.points for one in infer_protocol.study_of(answers).questions) <= 11
     with pytest.raises(InputError, match="is no point of the scale"):
         analyse(answers, None, QUICK)
 
@@ -80,7 +80,7 @@ def test_without_a_protocol_a_scale_has_no_more_points_than_any_study(number):
 def test_an_option_with_a_stroke_is_one_answer():
     answers = some(**{"age-group": {"value": "young|old"}})
     study = protocol(demographics=(Demographic("age-group", "How old?", ("young|old", "18-39")),))
-    for plan in (study, inferred.study_of(answers)):
+    for plan in (study, infer_protocol.study_of(answers)):
         counts = counting.others(answers, plan).where(question="age-group", answer="young|old")
         assert [one["count"] for one in counts.rows()] == [1]
     for known in (study, None):
@@ -90,7 +90,7 @@ def test_an_option_with_a_stroke_is_one_answer():
 
 
 def test_what_not_to_say_means_is_no_option_of_a_question_that_needs_an_answer():
-    from evenhand.study.protocol import PREFER_NOT, Check, mistakes
+    from evenhand.study.design.protocol import PREFER_NOT, Check, mistakes
 
     check = Check("look", "Choose.", ("blue", PREFER_NOT), "blue", 2)
     assert [said for _, said in mistakes(protocol(checks=(check,)))] == [
@@ -124,9 +124,9 @@ def test_what_answers_are_about_and_the_study_lacks_is_counted():
     # two people rated a set that the lead has dropped since, with three answers each
     dropped = [one for who in ("ann", "bob") for one in judged(who, "gone", 4, "none", "none")]
     everything = Answers.of_rows(some().table.to_pylist() + dropped)
-    strange = belonging.strangers(everything, protocol())
+    strange = check_answers.strangers(everything, protocol())
     assert strange == {"gone": len(dropped)}
-    said = belonging.told(strange)
+    said = check_answers.told(strange)
     assert said == (
         f"{len(dropped)} answers are left out of ratings: they are about gone, which the "
         "protocol does not have"
@@ -143,14 +143,14 @@ def test_a_file_that_still_has_somebody_who_withdrew_is_described():
 
 
 def test_nothing_is_said_where_nothing_is_left_out():
-    assert belonging.strangers(some(), protocol()) == {}
-    assert belonging.told({}) == ""
+    assert check_answers.strangers(some(), protocol()) == {}
+    assert check_answers.told({}) == ""
     # without a protocol the answers tell themselves what there is
     assert analyse(some(), None, QUICK).strange == {}
 
 
 def test_of_many_that_the_study_lacks_the_first_are_named():
-    said = belonging.told({f"set-{k}": 1000 for k in range(7)})
+    said = check_answers.told({f"set-{k}": 1000 for k in range(7)})
     assert said.startswith("7,000 answers are left out of ratings: they are about set-0, set-1, ")
     assert "set-4, ..., which" in said
     assert "set-5" not in said

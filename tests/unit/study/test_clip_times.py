@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from evenhand.study import clip_times
+from evenhand.study.design import clip_lengths
 from support.answered import protocol
 
 
@@ -25,7 +25,7 @@ def test_the_movie_header_tells_the_length(tmp_path, version, wide):
     path = tmp_path / "a.mp4"
     movie = box(b"moov", header(600, 4500, version))
     path.write_bytes(box(b"ftyp", b"isom") + box(b"mdat", bytes(99), wide=wide) + movie)
-    assert clip_times.of_file(path) == 7.5
+    assert clip_lengths.of_file(path) == 7.5
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,8 @@ def test_the_movie_header_tells_the_length(tmp_path, version, wide):
 def test_what_does_not_tell_is_not_known(tmp_path, content):
     path = tmp_path / "a.mp4"
     path.write_bytes(content)
-    assert clip_times.of_file(path) is None
-    assert clip_times.of_file(tmp_path / "missing.mp4") is None
+    assert clip_lengths.of_file(path) is None
+    assert clip_lengths.of_file(tmp_path / "missing.mp4") is None
 
 
 def test_sets_and_pairs_last_as_long_as_their_clips_together(tmp_path):
@@ -53,5 +53,5 @@ def test_sets_and_pairs_last_as_long_as_their_clips_together(tmp_path):
     for name, seconds in (("no-answer", 5), ("even-one", 7), ("late", 9)):
         movie = box(b"moov", header(1, seconds))
         (tmp_path / f"{name}.mp4").write_bytes(movie)
-    found = clip_times.of_study(study)
+    found = clip_lengths.of_study(study)
     assert found == {"no-answer": 5, "late": 9, "even-one": 7, "duel": 12}

@@ -7,9 +7,9 @@ import pytest
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from evenhand.study import contrasts
-from evenhand.study.answers import Answers
-from evenhand.study.judging import Judged, judge
+from evenhand.study.analysis import contrasts
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.analysis.judgements import Judged, judge
 from support.answered import judged, protocol
 
 NAN = np.nan

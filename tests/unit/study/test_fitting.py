@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evenhand import detector_io
-from evenhand.errors import InputError
-from evenhand.study import fitting, simulate
-from evenhand.study.answers import Answers
-from evenhand.study.protocol import ClipSet
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.study.analysis import fit_detector
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.design.protocol import ClipSet
+from evenhand.study.simulated import participants
 from support.answered import SCORES, judged, protocol
 
 UNEVEN = [name for name in SCORES if not name.startswith("even")]
@@ -33,7 +34,7 @@ def test_judgements_by_hand():
             *judged("b", "from-afar", 1, "quality", "none")]  # fmt: skip
     asked = [replace(q, type="choices" if q.id == "towards" else q.type)
              for q in protocol().questions]  # fmt: skip
-    found = fitting.judgements(Answers.of_rows(rows), protocol(questions=tuple(asked)))
+    found = fit_detector.judgements(Answers.of_rows(rows), protocol(questions=tuple(asked)))
     told = list(zip(found.participant, found.set, found.biased, found.kinds, strict=True))
     # sets in the order of the study: from-afar 1, late 2, even-one 4
     assert [(int(p), int(s), bool(b), k) for p, s, b, k in told] == [
@@ -46,19 +47,19 @@ def test_judgements_by_hand():
 def test_the_scores_of_a_set_are_those_it_is_most_uneven_in_whatever_was_named():
     two = ClipSet("late", (), scores={"race": (0.1, 0, 0, 0), "age": (0.5, 0.2, 0, 0)})
     rows = judged("a", "late", 1, "priority", "race")
-    found = fitting.judgements(Answers.of_rows(rows), protocol(sets=(two,)))
+    found = fit_detector.judgements(Answers.of_rows(rows), protocol(sets=(two,)))
     assert found.scores.tolist() == [[0.5, 0.2, 0, 0]]
     assert found.kinds == ("racism",)
 
 
 def test_sets_without_scores_are_left_out_and_counted():
     sets = (*protocol().sets[:3], *(ClipSet(one.id, one.clips) for one in protocol().sets[3:]))
-    found = fitting.judgements(crowd(4), protocol(sets=sets))
+    found = fit_detector.judgements(crowd(4), protocol(sets=sets))
     assert (len(found.biased), found.left_out) == (12, 12)
 
 
 def test_a_clear_study_gives_a_detector_that_is_right_and_can_be_loaded(tmp_path):
-    found = fitting.fit(crowd(), protocol())
+    found = fit_detector.fit(crowd(), protocol())
     people, sets = found.held_out
     assert (people.over, people.groups, people.accuracy) == ("participants", 24, 1.0)
     assert (people.low, people.high) == (1.0, 1.0)
@@ -70,13 +71,13 @@ def test_a_clear_study_gives_a_detector_that_is_right_and_can_be_loaded(tmp_path
     assert found.detector.seed is None
     assert found.detector.kinds == ("ableism", "ageism", "racism")
     path = tmp_path / "detector.json"
-    detector_io.save(found.detector, path)
-    assert detector_io.load(path) == found.detector
+    detector_file.save(found.detector, path)
+    assert detector_file.load(path) == found.detector
 
 
 def test_the_shipped_detector_judges_the_same_judgements():
-    found = fitting.fit(crowd(), protocol())
-    shipped = detector_io.load(detector_io.SHIPPED)
+    found = fit_detector.fit(crowd(), protocol())
+    shipped = detector_file.load(detector_file.SHIPPED)
     vectors = [max(scores.values(), key=sum) for scores in SCORES.values()]
     right = sum(
         shipped.judge(vector) == (name in UNEVEN)
@@ -87,29 +88,32 @@ def test_the_shipped_detector_judges_the_same_judgements():
 
 
 def test_one_simulated_answer_makes_the_source_simulated():
-    made = simulate.answers(protocol(), 5, 0, simulate.Habits(careless=0, leaves=0))
+    made = participants.answers(protocol(), 5, 0, participants.Habits(careless=0, leaves=0))
     both = Answers.of_rows([*crowd().rows(), *made.rows()])
-    assert fitting.fit(both, protocol()).detector.source == "simulated respondents"
-    assert fitting.fit(fitting.chosen(both, "people"), protocol()).detector.source == "respondents"
+    assert fit_detector.fit(both, protocol()).detector.source == "simulated respondents"
+    assert (
+        fit_detector.fit(fit_detector.chosen(both, "people"), protocol()).detector.source
+        == "respondents"
+    )
 
 
 def test_who_is_meant_has_to_be_said_where_there_are_both():
-    made = simulate.answers(protocol(), 5, 0, simulate.Habits(leaves=0))
+    made = participants.answers(protocol(), 5, 0, participants.Habits(leaves=0))
     both = Answers.of_rows([*crowd(3).rows(), *made.rows()])
     with pytest.raises(
         InputError, match="3 people and 5 simulated participants: choose with --who"
     ):
-        fitting.chosen(both, None)
-    assert len(fitting.chosen(both, "simulated").participants) == 5
-    assert len(fitting.chosen(both, "both").participants) == 8
-    assert fitting.chosen(made, None).simulated
+        fit_detector.chosen(both, None)
+    assert len(fit_detector.chosen(both, "simulated").participants) == 5
+    assert len(fit_detector.chosen(both, "both").participants) == 8
+    assert fit_detector.chosen(made, None).simulated
     with pytest.raises(InputError, match="no answers of people"):
-        fitting.chosen(made, "people")
+        fit_detector.chosen(made, "people")
 
 
 def test_previews_are_never_fitted_to():
     with pytest.raises(InputError, match="no answers of anybody"):
-        fitting.chosen(crowd(3, preview=True), None)
+        fit_detector.chosen(crowd(3, preview=True), None)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +137,7 @@ def test_previews_are_never_fitted_to():
 )  # fmt: skip
 def test_what_cannot_be_fitted_is_refused_in_one_sentence(answers, study, complaint):
     with pytest.raises(InputError, match=complaint) as error:
-        fitting.fit(answers(), study)
+        fit_detector.fit(answers(), study)
     assert "\n" not in str(error.value)
 
 
@@ -141,7 +145,7 @@ def test_accuracy_on_new_sets_may_not_be_measurable_and_says_why():
     rows = [
         r for i in range(15) for r in (*judged(f"p{i}", "late", 1), *judged(f"p{i}", "even-one", 5))
     ]
-    people, sets = fitting.fit(Answers.of_rows(rows), protocol()).held_out
+    people, sets = fit_detector.fit(Answers.of_rows(rows), protocol()).held_out
     assert people.accuracy == 1.0
     assert np.isnan(sets.accuracy)
     assert sets.why_not
@@ -151,6 +155,6 @@ def test_limits_of_grouped_cases_are_those_of_the_groups():
     rng = np.random.default_rng(0)
     # four groups of 50 alike: as many as four cases, and not 200
     met, groups = np.repeat([True, True, True, False], 50), np.repeat(np.arange(4), 50)
-    low, high = fitting.clustered(met, groups, rng)
+    low, high = fit_detector.clustered(met, groups, rng)
     # shares of 4 draws of {1, 1, 1, 0}: below 0.5 with probability 0.051, so 2.5 % is at 0.25
     assert (low, high) == (0.25, 1.0)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evenhand.study.web.limits import Buckets, Gate, Limits, Rate, TooManyError
+from evenhand.study.server.web.limits import Buckets, Gate, Limits, Rate, TooManyError
 from support.studies import Clock
 
 

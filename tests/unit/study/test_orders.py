@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.study import orders
-from evenhand.study.protocol import ClipSet
+from evenhand.study.design import orders
+from evenhand.study.design.protocol import ClipSet
 from support.studies import STUDY
 
 

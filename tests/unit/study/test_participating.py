@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenhand.study import numbers, participating, rights, rows
-from evenhand.study.participating import Sent
-from evenhand.study.refusals import STATUS, RefusalError
-from evenhand.study.store import opened
+from evenhand.study.server import participants, progress, rights, rows
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.participants import Sent
+from evenhand.study.server.refusal import STATUS, RefusalError
 from support.studies import ANSWERS, STUDY, Clock
 
 HOUR = 3600.0
@@ -22,23 +22,23 @@ def clock():
 
 @pytest.fixture
 def kept(clock):
-    one = opened("sqlite://", STUDY, clock=clock)
+    one = open_store("sqlite://", STUDY, clock=clock)
     yield one
     one.dispose()
 
 
 def begin(kept, **more):
-    return participating.begin(kept, STUDY, "1", **more)[0]
+    return participants.begin(kept, STUDY, "1", **more)[0]
 
 
 def put(kept, token, page, values, key="k1", **more):
     sent = Sent(key, 1, values, more.pop("shown_ms", 1500), more.pop("clip_views", {}), **more)
-    return participating.save(kept, STUDY, token, page, sent)
+    return participants.save(kept, STUDY, token, page, sent)
 
 
 def go(kept, token, until="finished"):
     """Answer pages up to one."""
-    while (page := participating.state(kept, STUDY, token).next) != until:
+    while (page := participants.state(kept, STUDY, token).next) != until:
         put(kept, token, page, ANSWERS[page.partition(":")[0]], key=page)
 
 
@@ -61,7 +61,7 @@ def test_a_whole_study_as_rows(kept, clock):
     token = begin(kept)
     clock.now += 90
     put(kept, token, "about", {"years": "Prefer not to say"}, key="a")
-    first, second = (f"set:s{n}" for n in ((1, 2) if participating.state(
+    first, second = (f"set:s{n}" for n in ((1, 2) if participants.state(
         kept, STUDY, token).next == "set:s1" else (2, 1)))  # fmt: skip
     clips = {"set:s1": {"s1a.mp4": 2, "s1b.mp4": 1}, "set:s2": {"s2a.mp4": 3}}
     put(kept, token, first, ANSWERS["set"], key="b", clip_views=clips[first])
@@ -69,7 +69,7 @@ def test_a_whole_study_as_rows(kept, clock):
     put(kept, token, second, {"fair": 5, "issue": "none"}, key="d", clip_views=clips[second])
     put(kept, token, "pair:p1", {"which": "same"}, key="e")
     assert put(kept, token, "end", {"why": "  \x00 "}, key="f") == ("finished", False)
-    participating.finish(kept, STUDY, token)
+    participants.finish(kept, STUDY, token)
     found = stored(kept)
     told = [(r["page"], r["question"], r["value"], r["number"], r["right"], r["views"], r["role"])
             for r in found]  # fmt: skip
@@ -93,7 +93,7 @@ def test_a_whole_study_as_rows(kept, clock):
         ("finished", 1.5, "1")
     }
     assert found[1]["item"] == first[4:]
-    real = numbers.read(kept, STUDY)["real"]
+    real = progress.read(kept, STUDY)["real"]
     assert real["counts"]["finished"] == 1
     assert real["minutes"] == {"median": 1.5, "n": 1}
     assert real["checks"] == [{"check": "look", "answered": 1, "failed": 1}]
@@ -102,21 +102,21 @@ def test_a_whole_study_as_rows(kept, clock):
 def test_the_same_again_changes_nothing(kept):
     token = begin(kept)
     assert put(kept, token, "about", {"years": "18-39"}) == (
-        participating.state(kept, STUDY, token).next, False,
+        participants.state(kept, STUDY, token).next, False,
     )  # fmt: skip
     before = stored(kept)
     # the same request, the same answer from another tab, and the order of several values
     assert put(kept, token, "about", {"years": "18-39"})[1]
     assert put(kept, token, "about", {"years": "18-39"}, key="k2", shown_ms=9)[1]
     assert stored(kept) == before
-    page = participating.state(kept, STUDY, token).next
+    page = participants.state(kept, STUDY, token).next
     values = {"fair": 1, "issue": "none"}
     put(kept, token, page, {**values, "whom": ["race", "age"]}, key="k3")
     assert put(kept, token, page, {**values, "whom": ["age", "race"]}, key="k4")[1]
     # also after the end
     go(kept, token)
-    participating.finish(kept, STUDY, token)
-    participating.finish(kept, STUDY, token)
+    participants.finish(kept, STUDY, token)
+    participants.finish(kept, STUDY, token)
     assert put(kept, token, "about", {"years": "18-39"}) == ("finished", True)
 
 
@@ -125,7 +125,7 @@ def test_another_answer_from_another_tab_counts_for_nothing(kept):
     put(kept, token, "about", {"years": "18-39"})
     for key in ("k1", "k2"):
         error = refused("already-answered", put, kept, token, "about", {"years": None}, key)
-        assert error.next == participating.state(kept, STUDY, token).next
+        assert error.next == participants.state(kept, STUDY, token).next
     assert [r["value"] for r in stored(kept)] == ["18-39"]
 
 
@@ -133,15 +133,15 @@ def test_what_comes_out_of_order_or_too_late(kept):
     token = begin(kept)
     error = refused("out-of-order", put, kept, token, "end", ANSWERS["end"])
     assert error.next == "about"
-    assert refused("not-finished", participating.finish, kept, STUDY, token).next == "about"
+    assert refused("not-finished", participants.finish, kept, STUDY, token).next == "about"
     refused("already-answered", put, kept, token, "consent", {})
     refused("out-of-order", put, kept, token, "finished", {})
     refused("unknown-page", put, kept, token, "set:s9", {})
     put(kept, token, "about", {}, key="same")
-    following = participating.state(kept, STUDY, token).next
+    following = participants.state(kept, STUDY, token).next
     refused("key-reused", put, kept, token, following, ANSWERS["set"], key="same")
     go(kept, token)
-    participating.finish(kept, STUDY, token)
+    participants.finish(kept, STUDY, token)
     refused("closed", put, kept, token, "about", {"years": "18-39"}, "late")
     assert len(stored(kept)) == 10
 
@@ -151,14 +151,14 @@ def test_a_closed_study_takes_nothing_until_it_is_opened_again(kept):
     kept.close_study(True)
     refused("closed", begin, kept)
     refused("closed", put, kept, token, "about", {})
-    assert numbers.read(kept, STUDY)["closed"]
+    assert progress.read(kept, STUDY)["closed"]
     kept.close_study(False)
     put(kept, token, "about", {})
     begin(kept)
 
 
 def test_consent_to_another_text_is_no_consent(kept):
-    refused("other-consent", participating.begin, kept, STUDY, "0")
+    refused("other-consent", participants.begin, kept, STUDY, "0")
 
 
 # --- wrong values ---
@@ -177,7 +177,7 @@ WRONG = [
 @pytest.mark.parametrize(("kind", "values"), WRONG)
 def test_wrong_values_are_refused_by_the_name_of_their_question(kept, kind, values):
     token = begin(kept)
-    while not (page := participating.state(kept, STUDY, token).next).startswith(kind):
+    while not (page := participants.state(kept, STUDY, token).next).startswith(kind):
         put(kept, token, page, ANSWERS[page.partition(":")[0]], key=page)
     before = stored(kept)
     error = refused("invalid", put, kept, token, page, {**ANSWERS[kind], **values})
@@ -201,8 +201,8 @@ def test_a_clock_that_jumps_costs_no_answer(kept, clock, shown, seconds):
     put(kept, token, "about", {}, shown_ms=shown, at="1969-07-20T20:17:40Z")
     assert [r["seconds"] for r in stored(kept)] == [seconds]
     go(kept, token)
-    participating.finish(kept, STUDY, token)
-    real = numbers.read(kept, STUDY)["real"]
+    participants.finish(kept, STUDY, token)
+    real = progress.read(kept, STUDY)["real"]
     # nobody finishes before beginning: no time is known
     assert (real["counts"]["finished"], real["minutes"]["n"]) == (1, 0)
 
@@ -219,7 +219,7 @@ NASTY = st.one_of(
 @settings(max_examples=25)
 @given(st.lists(NASTY, min_size=1, max_size=4))
 def test_any_text_comes_back_as_it_was_written(texts):
-    one = opened("sqlite://", STUDY)
+    one = open_store("sqlite://", STUDY)
     for text in texts:
         token = begin(one)
         go(one, token, until="end")
@@ -237,7 +237,7 @@ def test_any_text_comes_back_as_it_was_written(texts):
 @settings(max_examples=50)
 @given(name=NASTY, page=NASTY, token=NASTY, value=st.one_of(NASTY, st.integers(), st.none()))
 def test_no_name_is_more_than_a_name(name, page, token, value):
-    one = opened("sqlite://", STUDY)
+    one = open_store("sqlite://", STUDY)
     real = begin(one)
     with pytest.raises(RefusalError):
         put(one, token, page, {name: value})
@@ -261,10 +261,10 @@ def test_the_least_filled_order_is_given(kept, clock):
     assert [order_of(kept, token) for token in tokens] == [0, 1, 0, 1]
     # who finishes keeps a place, who is gone for an hour gives it back
     go(kept, tokens[1])
-    participating.finish(kept, STUDY, tokens[1])
+    participants.finish(kept, STUDY, tokens[1])
     clock.now += HOUR + 1
     assert [order_of(kept, begin(kept)) for _ in range(3)] == [0, 0, 1]
-    real = numbers.read(kept, STUDY)["real"]
+    real = progress.read(kept, STUDY)["real"]
     assert real["counts"] == {
         "began": 7, "finished": 1, "under_way": 3, "dropped_out": 3, "withdrawn": 0,
     }  # fmt: skip
@@ -280,11 +280,11 @@ def test_previews_and_simulated_participants_fill_nothing_of_real_ones(kept):
 
 def test_orders_without_end_are_given_once(clock):
     study = replace(STUDY, order="random")
-    one = opened("sqlite://", study, clock=clock)
-    tokens = [participating.begin(one, study, "1")[0] for _ in range(5)]
+    one = open_store("sqlite://", study, clock=clock)
+    tokens = [participants.begin(one, study, "1")[0] for _ in range(5)]
     assert [order_of(one, token) for token in tokens] == [0, 1, 2, 3, 4]
     rights.withdraw(one, tokens[2])
-    assert order_of(one, participating.begin(one, study, "1")[0]) == 2
+    assert order_of(one, participants.begin(one, study, "1")[0]) == 2
     one.dispose()
 
 
@@ -304,10 +304,10 @@ def test_who_withdraws_leaves_a_row_that_says_so(kept):
     assert {r["participant"] for r in stored(kept)} == {
         rights.everything(kept, other)["participant"]["participant"]
     }
-    for call in (rights.everything, lambda k, t: participating.state(k, STUDY, t)):
+    for call in (rights.everything, lambda k, t: participants.state(k, STUDY, t)):
         refused("withdrawn", call, kept, token)
     refused("withdrawn", put, kept, token, "about", {})
-    assert numbers.read(kept, STUDY)["real"]["counts"]["withdrawn"] == 1
+    assert progress.read(kept, STUDY)["real"]["counts"]["withdrawn"] == 1
     refused("unknown-token", rights.withdraw, kept, "x")
     # ids are gone as well, so nobody knows that it is the same person
     begin(kept, ids={"PROLIFIC_PID": "p", "STUDY_ID": "s"})
@@ -317,7 +317,7 @@ def test_the_same_person_begins_once(kept):
     ids = {"PROLIFIC_PID": "p", "STUDY_ID": "s"}
     begin(kept, ids=ids)
     refused("already-begun", begin, kept, ids=ids)
-    assert numbers.read(kept, STUDY)["real"]["counts"]["began"] == 1
+    assert progress.read(kept, STUDY)["real"]["counts"]["began"] == 1
     begin(kept, ids={**ids, "STUDY_ID": "other"})
     begin(kept, ids={"SESSION_ID": "x"})
     begin(kept, ids={"SESSION_ID": "x"})
@@ -335,10 +335,10 @@ def test_agreement_by_hand(kept):
         token = begin(kept)
         put(kept, token, "about", {})
         for turn in range(3):
-            page = participating.state(kept, STUDY, token).next
+            page = participants.state(kept, STUDY, token).next
             values = {"fair": 1 if page == "set:s1" else 5, "issue": "none"}
             put(kept, token, page, ANSWERS["check"] if "check" in page else values, key=str(turn))
-    found = {one["question"]: one for one in numbers.read(kept, STUDY)["real"]["agreement"]}
+    found = {one["question"]: one for one in progress.read(kept, STUDY)["real"]["agreement"]}
     assert found["fair"] == {"question": "fair", "alpha": 1.0, "answers": 4}
     # nobody differs from anybody: it cannot be told from chance
     assert found["issue"] == {"question": "issue", "alpha": None, "answers": 4}

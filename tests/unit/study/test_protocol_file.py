@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenhand.errors import InputError
-from evenhand.study import protocol_file
-from evenhand.study.protocol import Option
-from evenhand.study.protocol_file import PAPER, examine, read, unfinished
-from evenhand.toml.lines import line_of, lines
+from evenhand.core.errors import InputError
+from evenhand.core.toml.lines import line_of, lines
+from evenhand.study.design import protocol_file
+from evenhand.study.design.protocol import Option
+from evenhand.study.design.protocol_file import PAPER, examine, read, unfinished
 from support.studies import FILM, WEBM
 
 GOOD = """\

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.study import judging, quality
-from evenhand.study.answers import Answers
-from evenhand.study.quality import Limits
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import judgements, quality
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.analysis.quality import Limits
 from support.answered import judged, protocol, row
 
 SETS = ("no-answer", "from-afar", "late", "too-close", "even-one", "even-two")
@@ -143,13 +143,13 @@ def test_the_middle_of_a_scale_is_not_biased_and_ends_can_be_turned():
             for r in judged(f"p{i}", "late", rating)]  # fmt: skip
     late = SETS.index("late")
     study = protocol()
-    assert judging.judge(Answers.of_rows(rows), study).biased[:4, late].tolist() == [1, 1, 0, 0]
-    assert np.isnan(judging.judge(Answers.of_rows(rows), study).biased[4, late])
+    assert judgements.judge(Answers.of_rows(rows), study).biased[:4, late].tolist() == [1, 1, 0, 0]
+    assert np.isnan(judgements.judge(Answers.of_rows(rows), study).biased[4, late])
     fair = study.questions[0].__class__(
         "fair", "How unfair?", "scale", "fair", points=5, lowest_is_unfair=False
     )
     turned = protocol(questions=(fair, *study.questions[1:]))
-    found = judging.judge(Answers.of_rows(rows), turned)
+    found = judgements.judge(Answers.of_rows(rows), turned)
     assert found.biased[:4, late].tolist() == [0, 0, 0, 1]
     assert found.fairness[:4, late].tolist() == [5, 4, 3, 2]
 
@@ -158,15 +158,15 @@ def test_without_a_rating_what_is_named_decides():
     rows = [*judged("a", "late", None, "none", "age"), *judged("b", "late", None, "none", "none"),
             *judged("c", "late", None), *judged("d", "late", None, "risk")]  # fmt: skip
     study = protocol(questions=protocol().questions[1:])
-    biased = judging.judge(Answers.of_rows(rows), study).biased[:, SETS.index("late")]
+    biased = judgements.judge(Answers.of_rows(rows), study).biased[:, SETS.index("late")]
     assert biased[[0, 1, 3]].tolist() == [1, 0, 1]
     assert np.isnan(biased[2])
 
 
 def test_several_named_are_told_apart_from_none_named():
     rows = judged("a", "late", 1, "risk|quality", "age")
-    found = judging.judge(Answers.of_rows(rows), protocol())
-    assert found.issue[0, SETS.index("late")] == judging.SEVERAL
+    found = judgements.judge(Answers.of_rows(rows), protocol())
+    assert found.issue[0, SETS.index("late")] == judgements.SEVERAL
     assert found.identity[0, SETS.index("late")] == found.identities.index("age")
 
 
@@ -176,7 +176,7 @@ def test_places_count_the_sets_alone():
         + judged("a", "even-one", 1, position=2)
         + judged("a", "too-close", 1, position=5)
     )
-    place = judging.judge(Answers.of_rows(rows), protocol()).place[0]
+    place = judgements.judge(Answers.of_rows(rows), protocol()).place[0]
     assert dict(zip(SETS, place.tolist(), strict=True)) == {
         "no-answer": -1, "from-afar": -1, "late": 2, "too-close": 1, "even-one": 0, "even-two": -1
     }  # fmt: skip

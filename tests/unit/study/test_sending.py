@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 import uvicorn
 
-from evenhand.errors import InputError
-from evenhand.study import rows, sending, simulate
-from evenhand.study.answers import Answers
-from evenhand.study.sending import Server, take
-from evenhand.study.store import Store
-from evenhand.study.web.limits import Limits, Rate
-from evenhand.study.web.serve import address, listen
+from evenhand.core.errors import InputError
+from evenhand.study.analysis.answers import Answers
+from evenhand.study.server import rows
+from evenhand.study.server.store import Store
+from evenhand.study.server.web.limits import Limits, Rate
+from evenhand.study.server.web.serve import address, listen
+from evenhand.study.simulated import over_http, participants
+from evenhand.study.simulated.over_http import Server, take
 from support.answered import protocol
 from support.studies import served
 
@@ -60,15 +61,15 @@ def told(answers: Answers) -> Counter:
 def test_what_goes_through_the_server_is_what_is_written_directly(running):
     finished = take(Server(running.url), protocol(), 8, 5)
     found = stored(running.store)
-    assert told(found) == told(simulate.answers(protocol(), 8, 5))
+    assert told(found) == told(participants.answers(protocol(), 8, 5))
     assert 0 < finished <= 8
     assert all(row["simulated"] for row in found.rows())
 
 
 def test_a_server_that_asks_to_wait_gets_its_time(tmp_path, monkeypatch):
     waited: list[float] = []
-    monkeypatch.setattr(sending.time, "sleep", waited.append)
-    monkeypatch.setattr(sending, "TRIES", 3)
+    monkeypatch.setattr(over_http.time, "sleep", waited.append)
+    monkeypatch.setattr(over_http, "TRIES", 3)
     limits = Limits(begin=Rate(1, 0.001))
     with (
         Running(tmp_path / "s.db", simulated=True, limits=limits) as found,

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from evenhand.errors import InputError
-from evenhand.study import judging, orders, replies
-from evenhand.study.arrow import pc
-from evenhand.study.protocol import Question
-from evenhand.study.simulate import Habits, answers, recruit, visit
+from evenhand.core.errors import InputError
+from evenhand.study.analysis import judgements
+from evenhand.study.analysis.arrow import pc
+from evenhand.study.design import orders
+from evenhand.study.design.protocol import Question
+from evenhand.study.server import check_reply
+from evenhand.study.simulated.participants import Habits, answers, recruit, visit
 from support.answered import SCORES, options, protocol
 
 CAREFUL = Habits(careless=0, leaves=0)
@@ -28,7 +30,7 @@ def test_more_participants_do_not_change_the_orders_of_the_first():
 
 
 def test_judgements_go_by_the_scores_that_the_study_states():
-    judged = judging.judge(answers(protocol(), 200, 3, CAREFUL), protocol())
+    judged = judgements.judge(answers(protocol(), 200, 3, CAREFUL), protocol())
     biased = dict(zip(judged.sets, np.nanmean(judged.biased, axis=0), strict=True))
     # totals of 1.4 to 1.5 against thresholds of 0.5 on average, and 0.2 for even robots
     assert all(biased[name] > 0.9 for name in SCORES if not name.startswith("even"))
@@ -42,14 +44,14 @@ def test_a_set_without_scores_is_judged_as_an_even_one():
     plain = protocol(
         sets=tuple(type(one)(one.id, one.clips, kind=one.kind) for one in protocol().sets)
     )
-    judged = judging.judge(answers(plain, 100, 0, CAREFUL), plain)
+    judged = judgements.judge(answers(plain, 100, 0, CAREFUL), plain)
     assert np.nanmean(judged.biased) < 0.05
 
 
 def test_turned_scales_are_answered_the_other_way():
     fair = Question("fair", "How unfair?", "scale", "fair", points=4, lowest_is_unfair=False)
     turned = protocol(questions=(fair, *protocol().questions[1:]))
-    judged = judging.judge(answers(turned, 60, 3, CAREFUL), turned)
+    judged = judgements.judge(answers(turned, 60, 3, CAREFUL), turned)
     assert np.nanmean(judged.biased[:, judged.sets.index("late")]) > 0.9
     assert np.nanmean(judged.biased[:, judged.sets.index("even-one")]) < 0.1
 
@@ -87,7 +89,7 @@ def test_every_type_of_question_is_answered_as_the_server_wants_it(kind):
     for who in range(30):
         for payload in visit(study, pages, crowd, who, rng).payloads:
             page = next(page for page in pages if page["id"] == payload["page"])
-            replies.check(study, page, payload["values"])  # raises where an answer does not fit
+            check_reply.check(study, page, payload["values"])  # raises where an answer does not fit
             assert set(payload) == {
                 "page", "key", "sequence", "values", "shown_ms", "clip_views", "at"}  # fmt: skip
             clips = payload["clip_views"]

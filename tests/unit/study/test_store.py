@@ -11,12 +11,21 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from evenhand.errors import InputError
-from evenhand.study import backup, engines, migrate, numbers, participating, rights, rows, tables
-from evenhand.study.participating import Sent, hashed
-from evenhand.study.protocol import Protocol
-from evenhand.study.refusals import StorageError
-from evenhand.study.store import opened
+from evenhand.core.errors import InputError
+from evenhand.study.design.protocol import Protocol
+from evenhand.study.server import (
+    backup,
+    engines,
+    migrate,
+    participants,
+    progress,
+    rights,
+    rows,
+    schema,
+)
+from evenhand.study.server.open_store import open_store
+from evenhand.study.server.participants import Sent, hashed
+from evenhand.study.server.refusal import StorageError
 from support.studies import ANSWERS, STUDY, Clock, pragma
 
 SECRET = "a sentence that must not survive"
@@ -29,29 +38,29 @@ def db(tmp_path) -> Path:
 
 @pytest.fixture
 def kept(db):
-    one = opened(str(db), STUDY, clock=Clock(), wait=0.1)
+    one = open_store(str(db), STUDY, clock=Clock(), wait=0.1)
     yield one
     one.dispose()
 
 
 def begin(kept, **more):
-    return participating.begin(kept, STUDY, "1", **more)[0]
+    return participants.begin(kept, STUDY, "1", **more)[0]
 
 
 def put(kept, token, why="x" * 40):
-    page = participating.state(kept, STUDY, token).next
+    page = participants.state(kept, STUDY, token).next
     values = {**ANSWERS, "end": {"why": why}}[page.partition(":")[0]]
-    participating.save(kept, STUDY, token, page, Sent(page, 1, values, 5))
+    participants.save(kept, STUDY, token, page, Sent(page, 1, values, 5))
 
 
 def go(kept, token, why=""):
-    while participating.state(kept, STUDY, token).next != "finished":
+    while participants.state(kept, STUDY, token).next != "finished":
         put(kept, token, why)
 
 
 def refused(db, study: Protocol | None = STUDY, **more) -> str:
     with pytest.raises(InputError) as error:
-        opened(str(db), study, wait=0.1, **more)
+        open_store(str(db), study, wait=0.1, **more)
     return str(error.value)
 
 
@@ -64,8 +73,8 @@ def test_answers_are_on_the_disk_when_they_are_acknowledged(kept):
 def test_a_study_goes_on_in_the_same_database(kept, db):
     token = begin(kept)
     put(kept, token)
-    again = opened(str(db), STUDY)
-    assert participating.state(again, STUDY, token).answered == {"consent": 0, "about": 1}
+    again = open_store(str(db), STUDY)
+    assert participants.state(again, STUDY, token).answered == {"consent": 0, "about": 1}
     again.dispose()
 
 
@@ -124,7 +133,7 @@ def test_a_database_that_is_read_only():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         folder.chmod(0o755)
-        opened(str(folder / "s.db"), STUDY).dispose()
+        open_store(str(folder / "s.db"), STUDY).dispose()
         (folder / "s.db").chmod(0o444)
         root = os.geteuid() == 0
         if root:
@@ -156,7 +165,7 @@ def test_a_full_database_loses_nothing(kept):
 
     with pytest.raises(StorageError, match=r"study\.db cannot store or read: database or disk is"):
         fill()
-    state = participating.state(kept, STUDY, token)
+    state = participants.state(kept, STUDY, token)
     assert state.answered == {"consent": 0, "about": 1}
     pragma(kept, "max_page_count=100000")
     go(kept, token)
@@ -169,7 +178,7 @@ def test_a_locked_database_is_waited_for_and_told(kept, db):
         with pytest.raises(StorageError, match="database is locked"):
             put(kept, token)
         # reading goes on
-        assert participating.state(kept, STUDY, token).next == "about"
+        assert participants.state(kept, STUDY, token).next == "about"
         assert "locked" in refused(db)
         other.execute("ROLLBACK")
     put(kept, token)
@@ -181,21 +190,21 @@ def test_another_study_and_a_changed_one_need_another_database(kept, db):
     )
     changed = replace(STUDY, consent="You agree to more.")
     begin(kept, preview=True)
-    opened(str(db), changed).dispose()  # nobody real has begun
-    opened(str(db), STUDY).dispose()
+    open_store(str(db), changed).dispose()  # nobody real has begun
+    open_store(str(db), STUDY).dispose()
     begin(kept)
     assert "holds 1 participants of 'tiny' as it was before" in refused(db, changed)
-    opened(str(db), replace(STUDY, thanks="Thank you very much.")).dispose()
+    open_store(str(db), replace(STUDY, thanks="Thank you very much.")).dispose()
 
 
 def test_previews_go_when_the_study_is_changed(kept, db):
     """Their answers may be none that the changed questions have."""
     go(kept, begin(kept, preview=True))
-    assert numbers.read(kept, STUDY)["preview"]["counts"]["began"] == 1
+    assert progress.read(kept, STUDY)["preview"]["counts"]["began"] == 1
     fair, *others = STUDY.questions
     shorter = replace(STUDY, questions=(replace(fair, points=2), *others))
-    again = opened(str(db), shorter)
-    assert numbers.read(again, shorter)["preview"]["counts"]["began"] == 0
+    again = open_store(str(db), shorter)
+    assert progress.read(again, shorter)["preview"]["counts"]["began"] == 0
     assert not list(rows.read(again, previews=True))
     again.dispose()
 
@@ -204,7 +213,7 @@ def test_a_value_that_a_question_does_not_have_is_in_no_number(kept):
     go(kept, begin(kept, preview=True))
     with kept.write() as connection:
         connection.execute(text("UPDATE study_answers SET value = '9' WHERE question = 'fair'"))
-    told = numbers.read(kept, STUDY)["preview"]["agreement"]
+    told = progress.read(kept, STUDY)["preview"]["agreement"]
     assert next(one for one in told if one["question"] == "fair") == {
         "question": "fair", "alpha": None, "answers": 0
     }  # fmt: skip
@@ -237,17 +246,17 @@ def later(monkeypatch):
     def two(connection):
         connection.execute(text("UPDATE study_participants SET mood = 'well'"))
 
-    monkeypatch.setattr(tables, "VERSION", 3)
+    monkeypatch.setattr(schema, "VERSION", 3)
     monkeypatch.setattr(migrate, "STEPS", {1: one, 2: two})
 
 
 def test_an_older_database_is_brought_up_to_date_after_a_backup(db, request):
-    first = opened(str(db), STUDY)
+    first = open_store(str(db), STUDY)
     token = begin(first)
     put(first, token)
     first.dispose()
     request.getfixturevalue("later")
-    second = opened(str(db), STUDY)
+    second = open_store(str(db), STUDY)
     with second.read() as connection:
         assert connection.scalar(text("SELECT mood FROM study_participants")) == "well"
         assert migrate.version(connection) == 3
@@ -261,7 +270,7 @@ def test_an_older_database_is_brought_up_to_date_after_a_backup(db, request):
 
 
 def test_a_failed_step_changes_nothing(db, request, monkeypatch):
-    opened(str(db), STUDY).dispose()
+    open_store(str(db), STUDY).dispose()
     request.getfixturevalue("later")
 
     def broken(connection):
@@ -269,7 +278,7 @@ def test_a_failed_step_changes_nothing(db, request, monkeypatch):
 
     monkeypatch.setattr(migrate, "STEPS", {**migrate.STEPS, 2: broken})
     with pytest.raises(InputError, match="no_such_column"):
-        opened(str(db), STUDY)
+        open_store(str(db), STUDY)
     with closing(sqlite3.connect(db)) as one:
         assert one.execute("SELECT value FROM study_about WHERE key='version'").fetchone() == ("1",)
         columns = [row[1] for row in one.execute("PRAGMA table_info(study_participants)")]
@@ -277,7 +286,7 @@ def test_a_failed_step_changes_nothing(db, request, monkeypatch):
 
 
 def test_a_version_that_nobody_knows_any_more(db, request, monkeypatch):
-    opened(str(db), STUDY).dispose()
+    open_store(str(db), STUDY).dispose()
     request.getfixturevalue("later")
     monkeypatch.setattr(migrate, "STEPS", {2: migrate.STEPS[2]})
     assert "has tables of version 1, which this Evenhand can no longer bring" in refused(db)
@@ -292,7 +301,7 @@ def test_a_backup_of_a_running_study_can_go_on_itself(kept, tmp_path):
     copy = backup.write(kept, tmp_path / "copy.db")
     go(kept, token)
     assert sorted(path.name for path in tmp_path.glob("copy*")) == ["copy.db"]
-    again = opened(str(copy), STUDY)
+    again = open_store(str(copy), STUDY)
     assert len(list(rows.read(again))) == 1
     go(again, token)
     told = [[(r["page"], r["value"]) for r in rows.read(one)] for one in (kept, again)]

@@ -20,18 +20,18 @@ from stable_baselines3.common.buffers import DictRolloutBuffer, RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from evenhand import credit, reflection
-from evenhand.adapters.ended import FactsOf, Info, kept, together
+from evenhand.adapters.episodes import FactsOf, Info, kept, together
+from evenhand.adapters.guidance import JudgeSettings
 from evenhand.adapters.judging import Judging
 from evenhand.adapters.ledger import Ledger
-from evenhand.adapters.people import Sampler
+from evenhand.adapters.sampler import Sampler
 from evenhand.adapters.sb3.gradients import Weights, examine, weights_of
-from evenhand.adapters.shaping import JudgeSettings
-from evenhand.detector import Detector
-from evenhand.errors import InputError
-from evenhand.issues import count, scores_of
-from evenhand.reflection import Directions, Reflection, ReflectionSettings
-from evenhand.schemes import Scheme
+from evenhand.core.errors import InputError
+from evenhand.methods.beyond import levelup, reflection
+from evenhand.methods.beyond.reflection import Directions, Reflection, ReflectionSettings
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.issues import count, scores_of
+from evenhand.methods.scheme import Scheme
 
 if TYPE_CHECKING:
     from evenhand.adapters.updates import Examined
@@ -221,8 +221,8 @@ class EvennessCallback(BaseCallback):
         self.logger.record("evenness/services", len(self.ledger))
         self.logger.record("evenness/paid", float(paid.mean()))
         if self._reflect is not None:
-            exact = credit.CreditSettings(shrink=0.0)
-            influence = credit.influence(x, inside, self._tau, settings=exact)
+            exact = levelup.CreditSettings(shrink=0.0)
+            influence = levelup.influence(x, inside, self._tau, settings=exact)
             seen = buffer.observations
             self._pending = _Rollout(
                 weights_of(model.policy),

@@ -12,7 +12,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from evenhand.errors import InputError
+from evenhand.core.errors import InputError
 
 
 def triton_first() -> None:

@@ -13,8 +13,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from evenhand.adapters.autoreset import mode_of, parted, statistics_of
-from evenhand.adapters.ended import FINAL_OBS, of_lane
-from evenhand.errors import InputError
+from evenhand.adapters.episodes import FINAL_OBS, of_lane
+from evenhand.core.errors import InputError
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 

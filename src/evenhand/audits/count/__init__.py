@@ -1,0 +1,1 @@
+"""Counts of issues, waits and measures by group, on any engine."""

@@ -1,0 +1,1 @@
+"""Findings: tests, intervals and verdicts on counts."""

@@ -1,0 +1,1 @@
+"""A growing log and its alarm."""

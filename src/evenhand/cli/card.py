@@ -1,0 +1,183 @@
+"""``evenhand card``."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from evenhand.cli import inputs
+from evenhand.cli.train import Train
+from evenhand.core import files
+from evenhand.core.errors import InputError, whole
+from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
+
+if TYPE_CHECKING:
+    from evenhand.report.model_cards.robot import Robot, Trial
+    from evenhand.report.model_cards.sections import Said
+    from evenhand.training.settings import TrainSettings
+
+_OPTIONAL = "(optional)"
+
+
+@dataclass(frozen=True)
+class Card:
+    """Write the model card of a trained robot or of a detector, as Hugging Face shows them.
+
+    A robot serves new people for its card, and every group is shown with its number and its
+    interval. What was not measured is called so. The card is a Markdown file; nothing is sent.
+
+    For instance: evenhand card out/run --out README.md
+    """
+
+    file: Annotated[Positional[Path], arg(metavar="RUN|FILE")]
+    """Folder of a run, whose last checkpoint serves; or the file of a detector, *.json."""
+
+    out: Annotated[Path, arg(metavar="FILE")]
+    """The card to write, *.md; one that is there is replaced."""
+
+    name: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="(of the file)")] = None
+    """What the model is called."""
+
+    licence: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(not stated)")] = None
+    """Its licence, as Hugging Face spells it, such as apache-2.0."""
+
+    notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=_OPTIONAL)] = ""
+    """Anything that readers should know; shown as plain text."""
+
+    services: int = 3000
+    """New people whom a robot serves for its card; 0 leaves the evaluation out."""
+
+    seed: int = TEST_SEED
+    """Of these people, places and chances; take one that training has not used."""
+
+    answers: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    """Answers that a detector was fitted to (CSV); with them its accuracy is measured."""
+
+    def run(self, command: str) -> int:
+        """Read, measure, write, print the path."""
+        self._check()
+        inputs.load_physics()
+        from evenhand.report.model_cards.sections import Said
+
+        name = self.name if self.name is not None else self.file.resolve().stem
+        said = Said(name, self.licence, self.notes)
+        page = self._robot(said) if self.file.is_dir() else self._judge(said)
+        files.write_text(self.out, page)
+        print(self.out)
+        return 0
+
+    def _check(self) -> None:
+        if self.out.suffix != ".md":
+            raise InputError(f"{self.out} does not end in .md: give such a file")
+        if self.out.is_dir():
+            raise InputError(f"{self.out} is a folder: give the name of a file")
+        if not self.file.exists():
+            raise InputError(f"{self.file} does not exist: give the folder of a run or a detector")
+        if self.services:
+            whole("services", self.services, 30, SERVICES[1])
+        whole("seed", self.seed, *SEEDS)
+        if self.file.is_dir() and self.answers is not None:
+            raise InputError("--answers belongs to a detector: leave it out")
+        files.make_folder(self.out.parent)
+
+    def _judge(self, said: Said) -> str:
+        from evenhand.experiments import model_card_numbers
+        from evenhand.methods import detector_file
+        from evenhand.methods.vocabulary import SIMULATED
+        from evenhand.report.model_cards import detector
+
+        found = detector_file.load(self.file)
+        if self.answers is None:
+            return detector.render(said, found, None)
+        answers = detector_file.read_answers(
+            self.answers, issues=found.issues, missing=found.source == SIMULATED
+        )
+        return detector.render(said, found, model_card_numbers.evaluation_of(found, answers))
+
+    def _robot(self, said: Said) -> str:
+        from evenhand.experiments import model_card_numbers
+        from evenhand.report.model_cards import robot
+        from evenhand.training import evaluate
+
+        settings, state = inputs.load_policy(self.file)
+        about = self._about(settings, int(state.step))
+        population = settings.world.population
+        trial: Trial | None = None
+        if self.services:
+            table = evaluate.serve_policy(state, settings, self.services, self.seed)
+            trial = model_card_numbers.trial_of(table, self.seed, population)
+        return robot.render(said, about, trial)
+
+    def _about(self, settings: TrainSettings, epochs: int) -> Robot:
+        from evenhand.methods import detector_file
+        from evenhand.report.model_cards.robot import Robot
+        from evenhand.training import run_folder
+
+        judge = detector_file.load(self.file / "detector.json")
+        shipped = judge == detector_file.load(detector_file.SHIPPED)
+        noted = files.read_record(self.file / "settings.json", "settings", "versions")
+        lines = run_folder.read_epochs(self.file)
+        if len(lines) < epochs:
+            raise InputError(
+                f"{self.file / 'epochs.jsonl'} has {len(lines)} lines, but {epochs} epochs have "
+                "run: restore it, or train again"
+            )
+        return Robot(
+            settings=noted["settings"],
+            versions=noted["versions"],
+            epochs=epochs,
+            population=settings.world.population,
+            judge=f"{judge.rows} judgements by {judge.source}",
+            command=repeating(settings, shipped),
+            last=lines[epochs - 1],
+        )
+
+
+def repeating(settings: TrainSettings, shipped: bool) -> str | None:
+    """The command that trains with these settings.
+
+    Args:
+        settings: of the run.
+        shipped: whether the detector that comes with Evenhand was the judge.
+
+    Returns:
+        None when options cannot say all of the settings.
+    """
+    guidance = settings.guidance
+    wanted: dict[str, Any] = {
+        "preset": settings.preset,
+        "algorithm": settings.update.algorithm,
+        "guidance": guidance.kind,
+        "strength": guidance.weigh.strength,
+        "credit": guidance.credit,
+        "tau": ",".join(f"{weight:g}" for weight in guidance.tau),
+        "penalty": guidance.penalty,
+    }
+    wanted |= {
+        name: getattr(settings, name)
+        for name in ("scenario", "rival", "rival_strength", "unaware", "seed", "epochs", "people",
+                     "population")
+    }  # fmt: skip
+    plain = {one.name: one.default for one in fields(Train)}
+    for left_out in ({"strength", "tau"}, {"tau"}, {"strength"}, set()):
+        given = {
+            name: value
+            for name, value in wanted.items()
+            if name not in left_out and value != plain[name]
+        }
+        try:
+            if Train(out=Path("RUN"), **given).settings() != settings:
+                continue
+        except InputError:
+            continue
+        words = ["evenhand", "train", "--out", "RUN"]
+        words += [] if shipped else ["--detector", "RUN/detector.json"]
+        for name, value in given.items():
+            words.append(f"--{name.replace('_', '-')}")
+            words += [] if value is True else [str(value)]
+        return shlex.join(words)
+    return None

@@ -1,0 +1,124 @@
+"""What several commands read and write."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evenhand.core import files
+from evenhand.core.errors import InputError, unknown
+
+if TYPE_CHECKING:
+    from evenhand.methods.paper.detector import Detector
+    from evenhand.methods.services import Interactions
+    from evenhand.training.settings import TrainSettings
+    from evenhand.training.update import LearnerState
+
+ENDINGS = (".parquet", ".csv")
+
+
+def load_physics() -> None:
+    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        importlib.import_module("mujoco")
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def load_detector(path: Path | None) -> Detector:
+    """A detector from a file, or the one that comes with Evenhand."""
+    from evenhand.methods import detector_file
+
+    return detector_file.load(path if path is not None else detector_file.SHIPPED)
+
+
+def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
+    """What a run learned, with the settings of its training.
+
+    Raises:
+        InputError: as ``learn.run.load_policy`` does.
+    """
+    from evenhand.training import run_folder as run
+    from evenhand.training.jax_setup import set_up_jax
+
+    set_up_jax()
+    return run.load_policy(folder)
+
+
+def check_server(run_folder: Path | None, robot: str | None, strength: float | None) -> None:
+    """Who serves: a run's policy, or a scripted robot with its strength.
+
+    Raises:
+        InputError: when both are named, or neither, or a strength without its robot.
+    """
+    if (run_folder is None) == (robot is None):
+        raise InputError("name either the folder of a run or a scripted robot with --robot")
+    if run_folder is not None and strength is not None:
+        raise InputError("--strength belongs to a scripted robot: leave it out, or name --robot")
+
+
+def parse_tau(text: str) -> tuple[float, float, float, float]:
+    """Weights of the issues from a preset's name or four numbers.
+
+    Raises:
+        InputError: for an unknown preset or numbers that are no weights.
+    """
+    from evenhand.methods import guidance
+
+    if text in guidance.TAU:
+        return guidance.TAU[text]
+    try:
+        a, b, c, d = (float(part) for part in text.split(","))
+    except ValueError:
+        raise unknown("tau", text, [*guidance.TAU, "four numbers as 1,1,1,2"]) from None
+    guidance.check_tau((a, b, c, d))
+    return (a, b, c, d)
+
+
+def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
+    """Services from a Parquet or CSV file.
+
+    Raises:
+        InputError: when the file is missing, of another kind, or holds no services.
+    """
+    from evenhand.methods.services import Interactions
+    from evenhand.restaurant.people import DISCRIMINATION
+
+    _check_ending(path)
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: give a file of services")
+    if path.suffix == ".parquet":
+        table = Interactions.read_parquet(path)
+    else:
+        table = Interactions.read_csv(path, identities or tuple(DISCRIMINATION))
+    if not len(table):
+        raise InputError(f"{path} holds no services: give a file with at least one row")
+    return table
+
+
+def check_target(path: Path) -> None:
+    """Before long work: can services be written here?
+
+    Raises:
+        InputError: when the ending is wrong or the folder cannot be written.
+    """
+    _check_ending(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: give the name of a file")
+    files.make_folder(path.parent)
+
+
+def write_services(table: Interactions, path: Path) -> None:
+    """Services to a Parquet or CSV file."""
+    if path.suffix == ".parquet":
+        table.write_parquet(path)
+    else:
+        table.write_csv(path)
+
+
+def _check_ending(path: Path) -> None:
+    if path.suffix not in ENDINGS:
+        raise InputError(f"{path} does not end in {' or '.join(ENDINGS)}: give such a file")

@@ -1,0 +1,202 @@
+"""``evenhand train``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from evenhand.cli import inputs
+from evenhand.core.errors import InputError, whole
+from evenhand.core.processors import CORES, THREADS
+
+if TYPE_CHECKING:
+    from evenhand.training.settings import TrainSettings
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train one robot in a run folder.
+
+    An epoch: 30 people are served, their services are scored (Eq. 1 and 2), the detector says
+    whether they look biased (Eq. 3), evenness is rewarded (Eq. 4 and 5), and the policy is
+    updated (Eq. 6 to 8).
+
+    The folder keeps settings and versions (settings.json), every epoch (epochs.jsonl), every
+    service (services/), what was to be seen of it (states/), and a checkpoint every 50 epochs.
+    Stop it whenever you like: the same command goes on from the last checkpoint, and ends with
+    the same bits.
+
+    For instance: evenhand train --out out/run --algorithm reinforce --guidance score
+    """
+
+    out: Annotated[Path, arg(metavar="FOLDER")]
+    """Folder of the run: a new one, or that of the same command, which then goes on."""
+
+    preset: Literal["paper", "service"] = "service"
+    """What is rewarded.
+    paper: evenness (Eq. 4/5) and nothing else, as printed.
+    service: good service plus evenness."""
+
+    algorithm: Literal["reinforce", "ppo"] = "ppo"
+    """How the policy learns from an epoch.
+    reinforce: in one step, with the critic as baseline.
+    ppo: in several clipped steps."""
+
+    guidance: Literal["none", "score", "penalty", "influence", "surgery", "levelup"] = "penalty"
+    """What evenness pays.
+    none: nothing.
+    score: Eq. 4.
+    penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5).
+    Beyond the paper, and only with preset service:
+    levelup: issues of people in worse-off groups cost more (recommended).
+    influence: each service costs what it adds to the total issue score.
+    surgery: the gradient towards evenness, without what conflicts with service."""
+
+    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")] = None
+    """Weight of influence, surgery or levelup beside a perfect service's 1."""
+
+    scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
+    """Where unevenness comes from: even, prejudiced, perception, minority, tips, everyday.
+    Several are joined by a plus: perception+tips."""
+
+    rival: Annotated[str, arg(metavar="NAME")] = "none"
+    """Another published method instead of guidance: lagrangian, a_ppo, r_ppo, elbert, group_dro,
+    ggf. Give --guidance none with it."""
+
+    rival_strength: Annotated[
+        float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")
+    ] = None
+    """Main setting of the rival."""
+
+    unaware: bool = False
+    """Hide from the policy whom it serves."""
+
+    credit: Literal["own_groups", "epoch"] = "own_groups"
+    """With --guidance score or penalty, whose disparity the reward for a person counts.
+    own_groups: of the groups this person belongs to.
+    epoch: of all groups, the same for everybody."""
+
+    tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
+    """Weights of willingness, quality, priority and risk in Eq. 4 and in self-reflection.
+    By name: equal, risk_first, willingness_first, risk_then_willingness.
+    Or as numbers: 1,1,1,2."""
+
+    penalty: float = 0.5
+    """Lambda of Eq. 5, 0 to 1; only with --guidance penalty."""
+
+    seed: int = 0
+    """Of everything random in the run; the same seed gives the same run."""
+
+    epochs: int = 300
+    """Updates."""
+
+    people: int = 30
+    """Services in one epoch; the paper has 30."""
+
+    population: Annotated[
+        str | None, arg(metavar="uniform|us|fairface", help_behavior_hint="(of the scenario)")
+    ] = None
+    """Where people are drawn from: all categories alike, or published shares."""
+
+    detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
+    """Detector that judges every epoch, from `evenhand detect fit`.
+    Without it: the one that comes along, fitted to simulated respondents."""
+
+    threads: int = CORES
+    """Threads that step the physics; the run is the same to the last bit on any number."""
+
+    no_states: bool = False
+    """Do not keep where everybody was (270 bytes a service), which film and replay draw from."""
+
+    log: Annotated[
+        tuple[Literal["tensorboard", "wandb"], ...] | None,
+        arg(metavar="tensorboard|wandb ...", help_behavior_hint="(optional)"),
+    ] = None
+    """Show the numbers of every epoch elsewhere too, in the folder and nowhere else.
+    tensorboard: events in tensorboard/, for TensorBoard.
+    wandb: a run in wandb/, of Weights & Biases, offline."""
+
+    def run(self, command: str) -> int:
+        """Train and print where the run is."""
+        if self.log == ():
+            raise InputError("--log names no sink: give tensorboard, wandb or both")
+        whole("threads", self.threads, *THREADS)
+        inputs.load_physics()
+        from evenhand.core import terminal
+        from evenhand.training import loggers, run_folder, train
+        from evenhand.training.jax_setup import set_up_jax
+
+        set_up_jax()
+        settings = self.settings()
+        judge = inputs.load_detector(self.detector)
+        train.check_detector(judge)
+        with loggers.opened(self.log or (), self.out) as note, terminal.stages() as stage:
+            tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
+
+            def progress(numbers: dict[str, Any]) -> None:
+                tell(numbers["services"], numbers)
+                note(numbers)
+
+            run_folder.execute(
+                self.out,
+                settings,
+                judge,
+                progress=progress,
+                recorded=not self.no_states,
+                threads=self.threads,
+            )
+        print(self.out)
+        return 0
+
+    def settings(self) -> TrainSettings:
+        """The settings of the run.
+
+        Raises:
+            InputError: for settings that do not exist, or do not go together.
+        """
+        from evenhand.methods import guidance
+        from evenhand.training.settings import settings_of
+
+        self._check_guidance()
+        base = settings_of(
+            self.preset,
+            self.algorithm,
+            self.guidance,
+            seed=self.seed,
+            epochs=self.epochs,
+            population=self.population,
+        )
+        return replace(
+            base,
+            people=self.people,
+            guidance=guidance.guided(
+                self.guidance,
+                self.strength,
+                credit=self.credit,
+                tau=inputs.parse_tau(self.tau),
+                penalty=self.penalty,
+            ),
+            scenario=self.scenario,
+            rival=self.rival,
+            rival_strength=self.rival_strength,
+            unaware=self.unaware,
+        )
+
+    def _check_guidance(self) -> None:
+        """Refuse what the chosen guidance never looks at, rather than train without it."""
+        from evenhand.methods.guidance import SERVICE_KINDS
+
+        given = {
+            "strength": (self.strength is not None, SERVICE_KINDS),
+            "credit": (self.credit != Train.credit, ("score", "penalty")),
+            "penalty": (self.penalty != Train.penalty, ("penalty",)),
+        }
+        for name, (changed, kinds) in given.items():
+            if changed and self.guidance not in kinds:
+                raise InputError(
+                    f"--{name} does nothing with --guidance {self.guidance}: it belongs to "
+                    f"{' and '.join(kinds)}, so leave it out"
+                )

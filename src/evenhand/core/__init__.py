@@ -1,0 +1,1 @@
+"""What every part needs: errors, files, text, processes. It knows nothing of robots."""

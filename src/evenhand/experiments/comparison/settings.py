@@ -1,0 +1,224 @@
+"""What can be set of a comparison: arms, algorithms, runs; imports nothing heavy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+from pathlib import Path
+
+from evenhand.core.errors import InputError, unknown, whole
+from evenhand.core.processors import CORES
+from evenhand.experiments.settings import SERVICES, WORKERS
+
+SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
+"""All scenarios, as ``scenarios`` knows them."""
+ALGORITHMS = ("ppo", "reinforce")
+"""What learns."""
+NO_ALGORITHM = "none"
+"""Algorithm of an arm that learns nothing."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way to serve.
+
+    Attributes:
+        guidance: kind of guidance, one of ``guidance.KINDS``.
+        rival: one of ``learn.rivals``, or none.
+        unaware: hide from the policy whom it serves.
+        strength: that trades evenness for service, where it was tuned for the comparison; else the
+            method's own.
+        learns: False for what is there without learning; it is the same for every algorithm.
+    """
+
+    guidance: str = "none"
+    rival: str = "none"
+    unaware: bool = False
+    strength: float | None = None
+    learns: bool = True
+
+    @property
+    def has_strength(self) -> bool:
+        """Whether a strength trades evenness for service."""
+        return self.guidance != "none" or self.rival != "none"
+
+
+ARMS: Mapping[str, Arm] = {
+    "reference": Arm(learns=False),
+    "untrained": Arm(learns=False),
+    "service": Arm(),
+    "score": Arm("score", strength=2.0),
+    "penalty": Arm("penalty", strength=1.0),
+    "influence": Arm("influence"),
+    "surgery": Arm("surgery"),
+    "levelup": Arm("levelup"),
+    "unaware": Arm(unaware=True),
+    "lagrangian": Arm(rival="lagrangian", strength=0.05),
+    "a_ppo": Arm(rival="a_ppo", strength=1.0),
+    "elbert": Arm(rival="elbert", strength=0.02),
+    "group_dro": Arm(rival="group_dro", strength=0.1),
+    "ggf": Arm(rival="ggf", strength=0.9),
+}
+"""Scripted robot of ``scenarios.reference``; policy before training (in ``prejudiced``, after
+imitation); training on service alone; the paper's guidance; Evenhand's; the rivals. Strengths were
+tuned on seeds of their own (``results/tuning.csv``)."""
+
+
+def method_of(arm: str) -> tuple[str, float | None]:
+    """Method and strength of an arm: ``levelup@2`` is level-up at strength 2.
+
+    Raises:
+        InputError: for an unknown method, or a strength that is none.
+    """
+    name, mark, text = arm.partition("@")
+    if name not in ARMS:
+        raise unknown("arm", name, ARMS)
+    if not mark:
+        return name, None
+    if not ARMS[name].has_strength:
+        raise InputError(f"arm {arm}: {name} has no strength, drop @{text}")
+    try:
+        strength = float(text) + 0.0  # which makes -0.0 the other zero
+        if not isfinite(strength) or strength < 0:
+            raise ValueError
+    except ValueError:
+        raise InputError(f"arm {arm}: give a finite strength of at least 0 after the @") from None
+    return name, strength
+
+
+def arm_of(method: str, strength: float | None) -> str:
+    """The inverse of ``method_of``: the one way in which an arm is written."""
+    if strength is None:
+        return method
+    short = f"{strength:g}"
+    return f"{method}@{short if float(short) == strength else repr(strength)}"
+
+
+def plain(arm: str) -> str:
+    """An arm without a strength that it has anyway: ``levelup@5`` is ``levelup``."""
+    from evenhand.methods.guidance import STRENGTH  # brings NumPy along
+
+    method, strength = method_of(arm)
+    own = ARMS[method].strength
+    if own is None:
+        own = STRENGTH.get(ARMS[method].guidance)
+    return method if strength == own else arm_of(method, strength)
+
+
+@dataclass(frozen=True, order=True)
+class Cell:
+    """One run: a seed of an arm in a scenario."""
+
+    scenario: str
+    algorithm: str
+    arm: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.scenario}, {self.algorithm}, {self.arm}, seed {self.seed}"
+
+    def folder(self, out: Path) -> Path:
+        """Where it is kept."""
+        return out / "runs" / self.scenario / self.algorithm / self.arm / f"seed-{self.seed:02d}"
+
+
+def checked(cell: Cell) -> Cell:
+    """A run that there can be, its scenario and arm written in the one way.
+
+    Raises:
+        InputError: for an unknown scenario, algorithm or arm, or an algorithm that does not go
+            with the arm.
+    """
+    from evenhand.restaurant import scenarios  # brings the physics along
+
+    method, strength = method_of(cell.arm)
+    algorithms = ALGORITHMS if ARMS[method].learns else (NO_ALGORITHM,)
+    if cell.algorithm not in algorithms:
+        raise unknown(f"algorithm of arm {cell.arm}", cell.algorithm, algorithms)
+    arm = arm_of(method, strength)
+    return replace(cell, scenario=scenarios.ordered(cell.scenario), arm=arm)
+
+
+@dataclass(frozen=True)
+class CompareSettings:
+    """The comparison."""
+
+    out: Path = Path("out/compare")
+    """Folder of the tables, figures and runs."""
+
+    scenarios: tuple[str, ...] = SCENARIOS
+    """Where unevenness comes from."""
+
+    arms: tuple[str, ...] = tuple(ARMS)
+    """Ways to serve, see ``ARMS`` and ``method_of``."""
+
+    algorithms: tuple[str, ...] = ALGORITHMS
+    """What learns."""
+
+    seeds: int = 10
+    """Runs of every arm, with seeds that follow each other."""
+
+    first_seed: int = 0
+    """The first of them."""
+
+    earlier: Path | None = None
+    """Table of an earlier comparison; its runs are taken from there."""
+
+    epochs: int = 300
+    """Updates of every run; an epoch is 30 services."""
+
+    services: int = 5000
+    """Services in the test of every run."""
+
+    workers: int = CORES
+    """Processes that work at the same time."""
+
+    def __post_init__(self) -> None:
+        from evenhand.restaurant import scenarios  # brings the physics along
+
+        one_way = {"scenarios": scenarios.ordered, "arms": lambda name: arm_of(*method_of(name))}
+        for kind in ("scenarios", "arms", "algorithms"):
+            names = getattr(self, kind)
+            one = kind.removesuffix("s")
+            if not names:
+                raise InputError(f"no {one} is given: name at least one")
+            if kind in one_way:
+                names = tuple(one_way[kind](name) for name in names)
+                object.__setattr__(self, kind, names)
+            alike = tuple(map(plain, names)) if kind == "arms" else names
+            if len(set(alike)) < len(alike):
+                raise InputError(f"an entry of {kind} is given twice: {', '.join(alike)}")
+        for name in self.algorithms:
+            if name not in ALGORITHMS:
+                raise unknown("algorithm", name, ALGORITHMS)
+        whole("seeds", self.seeds, 1, 1000)
+        whole("first_seed", self.first_seed, 0, 100_000)
+        whole("epochs", self.epochs, 2, 100_000)
+        whole("services", self.services, *SERVICES)
+        whole("workers", self.workers, *WORKERS)
+
+    def cells(self) -> Iterator[Cell]:
+        """Every run, a seed of everything before the next, so that what is there is balanced."""
+        for seed in range(self.first_seed, self.first_seed + self.seeds):
+            for scenario in self.scenarios:
+                for arm in self.arms:
+                    learns = ARMS[method_of(arm)[0]].learns
+                    for algorithm in self.algorithms if learns else (NO_ALGORITHM,):
+                        yield Cell(scenario, algorithm, arm, seed)
+
+
+def place(cell: Cell) -> tuple[object, ...]:
+    """Sorts cells as they are listed above; others come after these, by name."""
+
+    def rank(name: str, names: tuple[str, ...]) -> tuple[int, str]:
+        return (names.index(name) if name in names else len(names), name)
+
+    method, strength = method_of(cell.arm)
+    return (
+        rank(cell.scenario, SCENARIOS),
+        rank(cell.algorithm, (NO_ALGORITHM, *ALGORITHMS)),
+        rank(method, tuple(ARMS)),
+        -1.0 if strength is None else strength,
+        cell.seed,
+    )

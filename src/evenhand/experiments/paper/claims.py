@@ -1,0 +1,315 @@
+"""The paper's claims against what came out. Every verdict follows a rule in ``verdicts``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from evenhand.experiments.paper import tables
+from evenhand.experiments.paper.calibrate import SIGNATURES
+from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
+from evenhand.experiments.paper.tables import Row
+from evenhand.experiments.paper.verdicts import (
+    CONTRADICTED,
+    REPRODUCED,
+    UNTESTED,
+    UNTOLD,
+    Claim,
+    above_zero,
+    at_least,
+    claim,
+    contains,
+    interval,
+    number,
+    reduction,
+    t_interval,
+    undecided,
+)
+from evenhand.methods.vocabulary import ISSUES
+from evenhand.restaurant import people
+from evenhand.restaurant.robots import BIASES
+
+LOWER_SCORE = 0.22
+"""Share by which guidance lowers the total issue score in the paper's test."""
+FEWER_EPOCHS = 15 / 54
+"""Share by which guidance lowers PPO's biased epochs in the paper, printed as 27.8 %."""
+SIGNATURE_TOLERANCE = 0.05
+
+
+def all_claims(demos: Demos, study: Study, epochs: list[Row], test: list[Row]) -> list[Claim]:
+    """Every claim, in the order of the report.
+
+    Args:
+        demos: demonstrations of the scripted robots.
+        study: simulated judgements and the detector.
+        epochs: rows of ``epochs.csv``.
+        test: rows of ``test.csv``.
+    """
+    presets = list(dict.fromkeys(row["preset"] for row in test))
+    out = _detector_claims(study)
+    for preset in presets:
+        out += _learning_claims(preset, epochs, test)
+    out += _signature_claims(demos)
+    out += _behaviour_claims(demos)
+    out += _study_claims(study)
+    return out
+
+
+def _detector_claims(study: Study) -> list[Claim]:
+    found = study.evaluation
+    common = (
+        f"{found.n} judgements by simulated respondents, {found.folds} folds that never share a "
+        "respondent. "
+    )
+    return [
+        claim(
+            "detector_agreement",
+            "Detector and manual threshold 0.5 agree in 98 % of cases",
+            0.98,
+            found.agreement.value,
+            (found.agreement.low, found.agreement.high),
+            1,
+            REPRODUCED if found.agreement.high >= 0.98 else CONTRADICTED,
+            common + "Partly by construction: simulated respondents judge by a threshold near 0.5.",
+        ),
+        claim(
+            "detector_accuracy",
+            "Accuracy of the detector against people's judgements",
+            None,
+            found.accuracy.value,
+            (found.accuracy.low, found.accuracy.high),
+            1,
+            UNTESTED,
+            common + "The paper prints no accuracy against people, only the agreement above. "
+            f"The manual threshold alone is right in {100 * found.manual_accuracy.value:.1f} %; "
+            f"always giving the more frequent answer in {100 * found.baseline:.1f} %.",
+        ),
+    ]
+
+
+def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Claim]:
+    out: list[Claim] = []
+    suffix = "" if preset == "paper" else f"_{preset}"
+    reward = "Eq. 4/5 alone" if preset == "paper" else "service quality plus Eq. 4/5"
+    for algorithm in ("reinforce", "ppo"):
+        total, floor, perfect = (
+            _without_and_with(test, preset, algorithm, name)
+            for name in ("total", "floor", "perfect_rate")
+        )
+        out.append(
+            _lowered(
+                f"total_score_reduction_{algorithm}{suffix}",
+                f"Guidance lowers {algorithm.upper()}'s total issue score in the test by more "
+                f"than 22 % (reward: {reward})",
+                total,
+                f"Total {total[0].mean():.3f} without and {total[1].mean():.3f} with guidance; "
+                f"chance alone gives {floor[1].mean():.3f} at these issue rates. Perfect services: "
+                f"{100 * perfect[0].mean():.1f} % without, {100 * perfect[1].mean():.1f} % with. "
+                + (
+                    "A factor on all rewards nearly cancels when advantages are normalised. "
+                    if preset == "paper"
+                    else ""
+                ),
+                LOWER_SCORE,
+            )
+        )
+    end = 1 + max(int(row["epoch"]) for row in epochs)
+    biased = _without_and_with(epochs, preset, "ppo", "biased_detector", np.sum)
+    out.append(
+        _lowered(
+            f"biased_epochs_reduction_ppo{suffix}",
+            f"Guidance lowers PPO's biased epochs from 54 to 39 of 300 (reward: {reward})",
+            biased,
+            f"Detector: {biased[0].mean():.1f} biased epochs without and {biased[1].mean():.1f} "
+            f"with guidance, of {end} each. ",
+            FEWER_EPOCHS,
+        )
+    )
+    late = _between(epochs, end // 2, end)
+    spread = _without_and_with(late, preset, "ppo", "total", np.std)
+    out.append(
+        _lowered(
+            f"score_confined_ppo{suffix}",
+            "Guidance confines PPO's total issue score to a smaller interval while it learns "
+            f"(reward: {reward})",
+            spread,
+            "Standard deviation of the total over the second half of the epochs: "
+            f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance; this is the "
+            "share by which guidance lowers it. ",
+        )
+    )
+    out.append(_improved(f"quality_improved{suffix}", preset, reward, epochs))
+    return out
+
+
+def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
+    """Whether the last 40 epochs are better than the first 10; of few epochs, what is left."""
+    end = 1 + max(int(row["epoch"]) for row in epochs)
+    early = min(10, end // 2)
+    late = min(40, end - early)
+    text = f"Guided PPO improves the quality of service while it learns (reward: {reward})"
+    if not early:
+        why = "A single epoch has no beginning to compare its end with."
+        return claim(name, text, "improved", None, None, None, UNTESTED, why)
+    first, last = (
+        _by_seed(_between(epochs, *part), preset, "ppo+guidance", "perfect_rate")
+        for part in ((0, early), (end - late, end))
+    )
+    change = last - first
+    low, high = np.clip(t_interval(change), -1.0, 1.0)  # a change of shares
+    status = above_zero(low, high)
+    return claim(
+        name,
+        text,
+        "improved",
+        number(float(change.mean())),
+        interval(float(low), float(high)),
+        len(change),
+        status,
+        f"Share of perfect services: {100 * first.mean():.1f} % in the first {early} epochs, "
+        f"{100 * last.mean():.1f} % in the last {late}. "
+        + undecided(status, low, high, 0.0)
+        + (
+            "The printed reward pays for equal treatment only, and a robot that fails everyone "
+            "alike earns it: it levels down."
+            if status == CONTRADICTED
+            else ""
+        ),
+    )
+
+
+def _lowered(
+    name: str,
+    text: str,
+    pair: tuple[np.ndarray, np.ndarray],
+    evidence: str,
+    goal: float | None = None,
+) -> Claim:
+    """The claim that guidance lowers something: by the share ``goal``, or at all."""
+    estimate, low, high = reduction(*pair)
+    bound = 0.0 if goal is None else goal
+    status = above_zero(low, high) if goal is None else at_least(low, high, goal)
+    status = UNTESTED if np.isnan(estimate) else status
+    return claim(
+        name,
+        text,
+        "less volatile" if goal is None else round(goal, 3),
+        number(estimate),
+        interval(low, high),
+        len(pair[0]),
+        status,
+        evidence + undecided(status, low, high, bound),
+    )
+
+
+def _between(epochs: list[Row], first: int, end: int) -> list[Row]:
+    return [row for row in epochs if first <= row["epoch"] < end]
+
+
+def _by_seed(
+    rows: list[Row], preset: str, arm: str, name: str, measure: Callable[..., Any] = np.mean
+) -> np.ndarray:
+    """What ``measure`` makes of a column, for every seed in order, [seeds]."""
+    mine = [row for row in rows if row["preset"] == preset and row["arm"] == arm]
+    seeds = sorted({row["seed"] for row in mine})
+    return np.array(
+        [measure([row[name] for row in mine if row["seed"] == seed]) for seed in seeds], float
+    )
+
+
+def _without_and_with(
+    rows: list[Row], preset: str, algorithm: str, name: str, measure: Callable[..., Any] = np.mean
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, without and with guidance."""
+    without, guided = (
+        _by_seed(rows, preset, arm, name, measure) for arm in (algorithm, f"{algorithm}+guidance")
+    )
+    return without, guided
+
+
+def _signature_claims(demos: Demos) -> list[Claim]:
+    rows = tables.signatures(demos)
+    out = []
+    for kind in KINDS[1:]:
+        name = people.DISCRIMINATION[BIASES[kind].identity]
+        mine = [row for row in rows if row["discrimination"] == name]
+        off = {row["issue"]: abs(row["ours"] - row["paper"]) for row in mine}
+        worst = max(off, key=lambda issue: off[issue])
+        out.append(
+            claim(
+                f"signature_{name}",
+                f"Issue scores of {name} ({', '.join(ISSUES)})",
+                list(SIGNATURES[kind]),
+                [round(row["ours"], 3) for row in mine],
+                (
+                    [round(row["ci_low"], 3) for row in mine],
+                    [round(row["ci_high"], 3) for row in mine],
+                ),
+                1,
+                REPRODUCED if off[worst] <= SIGNATURE_TOLERANCE else CONTRADICTED,
+                f"{mine[0]['windows']} windows of 30 services by the {kind} robot, which was "
+                f"calibrated to these numbers; farthest off in {worst}, by {off[worst]:.3f} "
+                f"(tolerance {SIGNATURE_TOLERANCE}).",
+            )
+        )
+    return out
+
+
+def _behaviour_claims(demos: Demos) -> list[Claim]:
+    rows = tables.behaviour(demos)
+    out = []
+    for name, kind, measure, text in (
+        ("farthest_is_ableism", "ableist", "mean_response_distance", "responds farthest away"),
+        ("slowest_is_ageism", "ageist", "mean_response_time", "responds latest"),
+        ("most_ignored_is_racism", "racist", "ignore_rate", "ignores most"),
+    ):
+        mine = next(row for row in rows if row["robot"] == kind and row["measure"] == measure)
+        others = [row for row in rows if row["robot"] != kind and row["measure"] == measure]
+        beyond = all(mine["ci_low"] > other["ci_high"] for other in others)
+        below = any(mine["ci_high"] < other["ci_low"] for other in others)
+        listed = ", ".join(f"{other['robot']} {other['value']:.2f}" for other in others)
+        out.append(
+            claim(
+                name,
+                f"Of the biased robots the {kind} one {text} ({mine['unit']})",
+                mine["paper"],
+                mine["value"],
+                (mine["ci_low"], mine["ci_high"]),
+                1,
+                REPRODUCED if beyond else CONTRADICTED if below else UNTOLD,
+                f"{mine['services']} services at full strength; the others: {listed}. The verdict "
+                "is on the order; the odds of the robots were calibrated with the paper's figures "
+                "for distance and time in view.",
+            )
+        )
+    return out
+
+
+def _study_claims(study: Study) -> list[Claim]:
+    from evenhand.statistics.detector_accuracy import wilson
+
+    named, _ = tables.questionnaire(study)
+    out = []
+    for name, scenario, identity, text in (
+        ("study_race_willingness", "1", "race", "name race in the willingness scenario"),
+        ("study_disability_scenario4", "4", "disability", "name disability in scenario 4"),
+    ):
+        row = next(r for r in named if r["scenario"] == scenario and r["identity"] == identity)
+        share = wilson(row["count"], row["respondents"])
+        out.append(
+            claim(
+                name,
+                f"{100 * row['paper_share']:.1f} % of respondents {text}",
+                row["paper_share"],
+                row["share"],
+                (share.low, share.high),
+                1,
+                contains(share.low, share.high, row["paper_share"]),
+                f"{row['count']} of {row['respondents']} simulated respondents, whose model was "
+                "fitted to this number: consistent, but no evidence about people. No count out of "
+                "24 gives the printed share.",
+            )
+        )
+    return out

@@ -1,0 +1,1 @@
+"""The report of the experiment of the paper."""

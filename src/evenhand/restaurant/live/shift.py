@@ -1,0 +1,305 @@
+"""One service after another without end, one physics step at a time.
+
+The physics is a plain loop of MuJoCo with the commands, readings and chances of
+``restaurant.serve``, so the facts are those of the same services served many at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from evenhand.methods.paper import issues
+from evenhand.restaurant import floor_plan, people, robots, scenarios
+from evenhand.restaurant.scenarios import needs, sensing
+from evenhand.restaurant.simulation import driving, layout, serve, task
+from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes
+from evenhand.restaurant.simulation.world import simulation_of
+
+BATCH = 30
+"""Services drawn at once, as many as ``evenhand evaluate --services 30`` draws."""
+_STEERED = 5
+"""Physics steps between two commands of the drive, as in ``restaurant.world``."""
+_ONE = np.zeros(1, np.int64)
+"""The only lane there is."""
+
+
+@dataclass(frozen=True)
+class Cast:
+    """Who serves whom, and where.
+
+    Attributes:
+        name: of the robot, as it is shown.
+        scenario: as it is shown.
+        population: where people are drawn from.
+        robot: makes the robot for people with these identities, int64 [N, 5].
+        decide: when it decides.
+        sense: the distance sensor.
+        wanted: who needs another service.
+    """
+
+    name: str
+    scenario: str
+    population: str
+    robot: Callable[[np.ndarray, np.random.Generator], serve.Robot]
+    decide: task.TaskSettings
+    sense: sensing.SenseSettings
+    wanted: needs.NeedSettings
+
+
+def scripted(name: str, strength: float, scenario: str) -> Cast:
+    """A scripted robot in a scenario.
+
+    Args:
+        name: one of ``robots.NAMES``.
+        strength: of its bias, 0 to 1.
+        scenario: see ``scenarios.scenario``.
+
+    Raises:
+        InputError: for an unknown robot or scenario, a strength out of range, or scenarios that
+            contradict each other.
+    """
+    world = scenarios.scenario(scenario)
+    return Cast(
+        name=name if name == "even" else f"{name}, strength {strength:g}",
+        scenario=scenario,
+        population=world.population,
+        robot=robots.ScriptedRobot(name, strength).robot,
+        decide=task.TaskSettings(),
+        sense=sensing.SenseSettings(perception=world.perception),
+        wanted=needs.NeedSettings(world.needs),
+    )
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service that can begin.
+
+    Attributes:
+        number: from 1.
+        setups: of the services that were drawn with it.
+        row: which of them it is.
+    """
+
+    number: int
+    setups: layout.Setups
+    row: int
+    beginning: Beginning
+    robot: serve.Robot
+    uniform: np.ndarray
+
+    @property
+    def codes(self) -> np.ndarray:
+        """Identities of the person who asks, int64 [5]."""
+        return self.setups.asking[self.row]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a service ended.
+
+    Attributes:
+        number: of the service, from 1.
+        codes: identities of the person, int64 [5].
+        facts: of this one service.
+        issues: 1 (issue), 0 (none), NaN (does not apply), [4], in the order of
+            ``issues.PAPER_ISSUES``.
+    """
+
+    number: int
+    codes: np.ndarray
+    facts: Facts
+    issues: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What has been counted so far; one entry for each of the 22 groups, and last for everybody.
+
+    Attributes:
+        services: int64 [23].
+        applies: services to which an issue applies, int64 [23, 4].
+        found: those of them that have it, int64 [23, 4].
+    """
+
+    services: np.ndarray
+    applies: np.ndarray
+    found: np.ndarray
+
+    @classmethod
+    def empty(cls) -> Tally:
+        """Nothing counted yet."""
+        rows, kinds = task.N_GROUPS + 1, len(issues.PAPER_ISSUES)
+        return cls(*(np.zeros(shape, np.int64) for shape in (rows, (rows, kinds), (rows, kinds))))
+
+    def plus(self, outcome: Outcome) -> Tally:
+        """With one more service."""
+        inside = np.append(people.encode(outcome.codes[None])[0] > 0.5, True)
+        return Tally(
+            self.services + inside,
+            self.applies + np.outer(inside, ~np.isnan(outcome.issues)),
+            self.found + np.outer(inside, outcome.issues == 1.0),
+        )
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A service as it stands.
+
+    Attributes:
+        number: of the service, from 1.
+        codes: identities of the person who asks, int64 [5].
+        steps: physics steps since it began.
+        distance: true distance of robot and person, metres.
+        least: least true distance so far, metres.
+        reading: distance as the robot last sensed it, metres.
+        age: of that reading, seconds.
+        chance: probability that the robot responded at its last decision.
+        outcome: how it ended, None while it goes on.
+        last: how the service before ended, None in the first.
+        tally: of all that have ended.
+    """
+
+    number: int
+    codes: np.ndarray
+    steps: int
+    distance: float
+    least: float
+    reading: float
+    age: float
+    chance: float
+    outcome: Outcome | None
+    last: Outcome | None
+    tally: Tally
+
+
+class Shift:
+    """A robot at work.
+
+    Attributes:
+        cast: who serves whom.
+        now: the service that is shown.
+        coming: the next one.
+        data: state of the simulation.
+        outcome: how the present service ended, None while it goes on.
+    """
+
+    def __init__(self, cast: Cast, seed: int) -> None:
+        """Begin the first service.
+
+        Args:
+            cast: who serves whom.
+            seed: of people, places and chances; the first 30 services are those that
+                ``experiments.measure`` serves with it when it is asked for 30.
+        """
+        self.cast = cast
+        self._lanes = Lanes(1, cast.decide)
+        self._drawn = self._draw(np.random.default_rng(seed))
+        self._tally, self._last = Tally.empty(), None
+        self.now, self.coming = next(self._drawn), next(self._drawn)
+        self._begin()
+
+    def _draw(self, rng: np.random.Generator) -> Iterator[Service]:
+        """Services in the order of ``serve.serve``'s chances."""
+        cast, length, number = self.cast, self.cast.decide.decisions, 0
+        elapsed = cast.decide.interval * floor_plan.TIMESTEP
+        while True:
+            setups = layout.draw(people.population(cast.population), BATCH, rng)
+            robot = cast.robot(setups.asking, rng)
+            chances = sensing.draw(cast.sense, setups.asking, length + 1, elapsed, rng)
+            wanted = needs.draw(cast.wanted, setups.asking, rng)
+            uniform = rng.random((BATCH, length))
+            beginning = self._lanes.prepare(setups, chances, wanted)
+            for row in range(BATCH):
+                number += 1
+                yield Service(number, setups, row, beginning, robot, uniform[row])
+
+    def _begin(self) -> None:
+        self._lanes.begin(_ONE, self.now.beginning, np.array([self.now.row]))
+        self._model, self.data = simulation_of(self.now.setups, self.now.row)
+        self.outcome: Outcome | None = None
+        self._decide()
+
+    def proceed(self) -> None:
+        """Begin the next service."""
+        self._last = self.outcome
+        self.now, self.coming = self.coming, next(self._drawn)
+        self._begin()
+
+    def restart(self) -> None:
+        """Begin the present service again, unless it has ended: what was counted stays counted."""
+        if self.outcome is None:
+            self._begin()
+
+    def step(self) -> None:
+        """One physics step, and the robot's decision if one is due then; nothing after the end."""
+        if self.outcome is not None:
+            return
+        data, truth, interval = self.data, self._lanes.world.truth, self.cast.decide.interval
+        if self._steps % interval % _STEERED == 0:
+            driving.follow(
+                _ONE,
+                data.qpos[None],
+                truth,
+                data.ctrl[None],
+                floor_plan.TOP_SPEED,
+                floor_plan.MAX_ACCELERATION,
+            )
+        mujoco.mj_step(self._model, data)
+        driving.track(_ONE, data.qpos[None, None], np.array([[data.ncon]]), truth)
+        if self._steps % interval == 0:
+            over = driving.read(
+                _ONE,
+                data.sensordata[None, :2],
+                data.sensordata[3:4],
+                self.now.beginning.noise[self.now.row][None],
+                self._lanes.perceived,
+                floor_plan.TIMESTEP,
+                interval,
+                floor_plan.MAX_STEPS,
+            )
+            if over[0]:
+                self._end()
+            else:
+                self._decide()
+
+    @property
+    def _steps(self) -> int:
+        return int(self._lanes.world.truth["steps"][0])
+
+    def _decide(self) -> None:
+        known = self._lanes.observe()
+        self._chance = float(self.now.robot(known, np.array([self.now.row]))[0])
+        if self.now.uniform[self._steps // self.cast.decide.interval] < self._chance:
+            self._lanes.respond(_ONE)
+            self._end()
+
+    def _end(self) -> None:
+        facts, codes = self._lanes.facts(_ONE), self.now.codes
+        table = serve.record(
+            facts, codes[None], epoch=0, scenario=self.cast.scenario, robot=self.cast.name
+        )
+        found = issues.indicators(table)[0]
+        self.outcome = Outcome(self.now.number, codes, facts, found)
+        self._tally = self._tally.plus(self.outcome)
+
+    @property
+    def moment(self) -> Moment:
+        """What can be told of the service as it stands."""
+        truth, known = self._lanes.world.truth[0], self._lanes.perceived[0]
+        return Moment(
+            number=self.now.number,
+            codes=self.now.codes,
+            steps=self._steps,
+            distance=float(truth["distance"]),
+            least=float(truth["min_distance"]),
+            reading=float(known["reading"]),
+            age=float(known["age"]),
+            chance=self._chance,
+            outcome=self.outcome,
+            last=self._last,
+            tally=self._tally,
+        )

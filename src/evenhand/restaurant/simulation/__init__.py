@@ -1,0 +1,1 @@
+"""The physics of many services at once."""

@@ -1,0 +1,1 @@
+"""Answers to agreement, quality, a report and a detector."""

@@ -1,0 +1,1 @@
+"""The questionnaire: protocol, orders of clips."""

@@ -1,0 +1,45 @@
+"""What the policy gets to see of an observation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from evenhand.restaurant.simulation import task
+from evenhand.restaurant.simulation.native import Network
+from evenhand.training.policy import ActorCritic
+from evenhand.training.rivals import formulas
+from evenhand.training.settings import TrainSettings
+
+_CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
+_SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
+"""Of distance and time: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and
+0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the services. The time
+likewise."""
+
+
+def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
+    """The actor with its view of observations, for services as machine code."""
+    actor, scale = policy.actor, _SCALE.copy()
+    if settings.unaware:
+        scale[: task.N_GROUPS] = 0.0
+    return Network(
+        weights=tuple(np.array(w, np.float32) for w in actor.weights),
+        biases=tuple(np.array(b, np.float32) for b in actor.biases),
+        centre=_CENTRE,
+        scale=scale,
+        relu=actor.activation == "relu",
+    )
+
+
+def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
+    """Observations as the policy takes them: distance and time centred and spread out.
+
+    Args:
+        settings: of the run; ``unaware`` hides who is served.
+        observation: float32 [..., 25].
+
+    Returns:
+        Of the same shape and type.
+    """
+    out = (observation - _CENTRE) * _SCALE
+    return formulas.unaware(out, task.N_GROUPS) if settings.unaware else out

@@ -1,0 +1,1 @@
+"""Published ways to learn evenness."""

@@ -1,0 +1,345 @@
+"""One run in a folder: it can be stopped at any moment and goes on bit for bit.
+
+A folder holds ``settings.json`` (settings, versions, fingerprint), ``detector.json``,
+``epochs.jsonl`` (a line an epoch), ``services/`` (Parquet, a file for each checkpoint),
+``states/`` (what was to be seen of them, likewise), ``checkpoint.npz`` and, once an experiment
+has tested what was learned, ``done.json``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import platform
+import re
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evenhand.core import files
+from evenhand.core.errors import InputError
+from evenhand.methods import detector_file
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.services import Interactions
+from evenhand.restaurant.simulation.recording import Recording
+from evenhand.training import checkpoint, recordings, train
+from evenhand.training.memory import Past
+from evenhand.training.settings import TrainSettings
+from evenhand.training.update import LearnerState
+
+CHECKPOINT_EVERY = 50
+"""Epochs between checkpoints; a killed run loses at most so many."""
+
+Progress = Callable[[dict[str, Any]], None]
+"""Told the numbers of every epoch; when a run goes on, first what it holds already."""
+_SERVICES = re.compile(r"(\d{6,})-(\d{6,})\.parquet")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides results."""
+    names = ("evenhand", "mujoco", "numba", "numpy", "jax", "equinox", "optax", "scikit-learn")
+    return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def other_versions(then: dict[str, Any], here: dict[str, Any]) -> str:
+    """What differs between versions but for Python itself; empty if nothing does."""
+    return files.differences(then | {"python": ""}, here | {"python": ""})
+
+
+def as_dict(settings: Any) -> dict[str, Any]:
+    """Settings as JSON holds them."""
+    return json.loads(json.dumps(dataclasses.asdict(settings)))
+
+
+def execute(
+    folder: str | os.PathLike[str],
+    settings: TrainSettings,
+    detector: Detector,
+    *,
+    every: int = CHECKPOINT_EVERY,
+    progress: Progress | None = None,
+    recorded: bool = False,
+    threads: int = 1,
+) -> LearnerState:
+    """Train in a folder, from the start or from where an earlier process stopped.
+
+    Args:
+        folder: of this run; made if it does not exist.
+        settings: of the run.
+        detector: judges every epoch.
+        every: epochs between checkpoints.
+        progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
+            the other numbers of every new epoch.
+        recorded: keep what was to be seen of the services (``states/``), for clips and replay.
+        threads: that step the physics; results are the same on any number.
+
+    Returns:
+        The trained learner.
+
+    Raises:
+        InputError: when the detector judges something else, or the folder cannot be written, is in
+            use, holds another run, or a file of it is missing or damaged.
+    """
+    train.check_detector(detector)
+    root = files.make_folder(folder)
+    with files.locked(root):
+        files.sweep(root)
+        prints = {
+            "settings": checkpoint.fingerprint(as_dict(settings)),
+            "detector": checkpoint.fingerprint(as_dict(detector)),
+        }
+        _claim(root, settings, detector, prints)
+        state, rng, first, past = _resume(root, settings, prints)
+        if first and progress is not None:
+            progress({"services": first * settings.people, "physics_steps": 0})
+        services: list[Interactions] = []
+        seen: list[Recording] = []
+        lines: list[str] = []
+        for record in train.train(
+            settings,
+            detector,
+            state=state,
+            rng=rng,
+            first_epoch=first,
+            past=past,
+            recorded=recorded,
+            threads=threads,
+        ):
+            services.append(record.interactions)
+            if record.seen is not None:
+                seen.append(record.seen)
+            lines.append(_line(record))
+            state = record.state
+            if progress is not None:
+                progress({"epoch": record.epoch} | record.numbers)
+            ended = record.epoch + 1
+            if ended % every == 0 or ended == settings.epochs:
+                if seen:
+                    recordings.keep(root, seen, ended)
+                _keep(root, record, services, lines, prints)
+                services, seen, lines = [], [], []
+        return state
+
+
+def finished(folder: str | os.PathLike[str], key: str) -> dict[str, Any] | None:
+    """What ``done.json`` says if the run ended under this key, else None."""
+    path = Path(folder) / "done.json"
+    if not path.exists():
+        return None
+    done = files.read_record(path, "key")
+    return done if done["key"] == key else None
+
+
+def finish(folder: str | os.PathLike[str], key: str, content: dict[str, Any]) -> None:
+    """Note that a run and all that follows from it have ended."""
+    files.write_json(Path(folder) / "done.json", {"key": key} | content)
+
+
+def read_epochs(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """The lines of ``epochs.jsonl``.
+
+    Raises:
+        InputError: when the file is missing or a line is not JSON.
+    """
+    path = Path(folder) / "epochs.jsonl"
+    if not path.exists():
+        raise InputError(f"{path} does not exist: {folder} is no run folder, or nothing ran yet")
+    return _checked(path, path.read_bytes().splitlines())
+
+
+def _checked(log: Path, lines: list[bytes]) -> list[dict[str, Any]]:
+    """Lines of a log as JSON, each of them whole and of the epoch that it stands for."""
+    found = []
+    for number, line in enumerate(lines):
+        try:
+            found.append(json.loads(line))
+            right = found[-1]["epoch"] == number
+        except (ValueError, TypeError, KeyError):
+            right = False
+        if not right:
+            raise InputError(
+                f"{log} line {number + 1} is cut off or damaged: delete {log.parent} and run the "
+                "same command again"
+            )
+    return found
+
+
+def read_services(folder: str | os.PathLike[str]) -> Interactions:
+    """All services of a run, in order.
+
+    Raises:
+        InputError: when there are none or a file cannot be read.
+    """
+    found = _service_files(Path(folder))
+    if not found:
+        raise InputError(f"{folder} holds no services: it is no run folder, or nothing ran yet")
+    return Interactions.concat([Interactions.read_parquet(path) for path in found])
+
+
+def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerState]:
+    """Settings and last state of a run.
+
+    Raises:
+        InputError: when the folder holds no run, or its files do not fit together.
+    """
+    root = Path(folder)
+    path = root / "settings.json"
+    if not path.exists():
+        raise InputError(f"{root} holds no run: there is no settings.json in it")
+    noted = _noted(path)
+    settings = _from_dict(TrainSettings, noted["settings"], path)
+    if not (root / "checkpoint.npz").exists():
+        raise InputError(
+            f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
+            "let the run go on"
+        )
+    found = checkpoint.load(
+        root / "checkpoint.npz", train.untrained(settings), noted["fingerprints"]
+    )
+    return settings, found.state
+
+
+def _noted(path: Path) -> dict[str, Any]:
+    """``settings.json``, which has not been changed since it was written."""
+    noted = files.read_record(path, "settings", "fingerprints", "versions")
+    prints = noted["fingerprints"]
+    if not isinstance(prints, dict) or prints.get("settings") != checkpoint.fingerprint(
+        noted["settings"]
+    ):
+        raise InputError(f"{path} was changed after the run began: restore it, or begin anew")
+    return noted
+
+
+def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
+    names = [field.name for field in dataclasses.fields(kind)]
+    odd = sorted(set(names) ^ set(content))
+    if odd:
+        raise InputError(
+            f"{where} is of another version of Evenhand, which differs in {', '.join(odd)}: "
+            "use that version, or begin anew"
+        )
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):
+        value = content[field.name]
+        if isinstance(value, dict) and isinstance(field.default_factory, type):
+            value = _from_dict(field.default_factory, value, where)
+        values[field.name] = tuple(value) if isinstance(value, list) else value
+    return kind(**values)
+
+
+def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict[str, str]) -> None:
+    path = root / "settings.json"
+    if path.exists():
+        noted = _noted(path)
+        _from_dict(TrainSettings, noted["settings"], path)  # another version's are no other run
+        differs = files.differences(noted["settings"], as_dict(settings))
+        if not differs and noted["fingerprints"] != prints:
+            differs = "another detector"
+        if differs:
+            raise InputError(
+                f"{root} holds another run ({differs}): give another folder, or delete this one"
+            )
+    elif any(root.glob("[!.]*")):
+        raise InputError(f"{root} is not empty and holds no run: give another folder")
+    else:
+        noted = {"settings": as_dict(settings), "fingerprints": prints, "versions": versions()}
+        files.write_json(path, noted | {"seed": settings.seed})
+    if not (root / "detector.json").exists():
+        detector_file.save(detector, root / "detector.json")
+
+
+def _resume(
+    root: Path, settings: TrainSettings, prints: dict[str, str]
+) -> tuple[LearnerState, np.random.Generator, int, Past]:
+    """Where the run stands; what was written after its last checkpoint is dropped."""
+    rng, first, past = train.stream(settings), 0, Past.empty(settings)
+    if (root / "checkpoint.npz").exists():
+        found = checkpoint.load(root / "checkpoint.npz", train.untrained(settings), prints)
+        state, first = found.state, int(found.extra["epoch"])
+        rng.bit_generator.state = found.extra["rng"]
+        past = Past.of(found.extra["past"], settings)
+    else:
+        state = train.begin(settings)
+    if 0 < first < settings.epochs:
+        check_versions(root, files.read_record(root / "settings.json", "versions")["versions"])
+    log = root / "epochs.jsonl"
+    kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
+    if len(_checked(log, kept)) < first:
+        raise InputError(
+            f"{log} has {len(kept)} lines, but {first} epochs have run: delete {root} and run the "
+            "same command again"
+        )
+    files.write_text(log, b"".join(kept).decode())
+    recordings.drop(root, first)
+    services = files.make_folder(root / "services")
+    files.sweep(services)
+    there = 0
+    for path in _service_files(root):
+        begin, end = _epochs_of(path)
+        if end > first:
+            path.unlink()
+        elif begin != there:
+            break
+        else:
+            there = end
+    if there < first:
+        raise InputError(
+            f"{services} lacks the services of epoch {there}: delete {root} and run the same "
+            "command again"
+        )
+    return state, rng, first, past
+
+
+def check_versions(where: Path, then: dict[str, Any]) -> None:
+    """Another version may calculate otherwise, and a run goes on bit for bit or not at all.
+
+    Raises:
+        InputError: when the versions noted there differ from those of now.
+    """
+    if differs := other_versions(then, versions()):
+        raise InputError(
+            f"{where} was begun with other versions ({differs}): install those, or begin anew in "
+            "another folder"
+        )
+
+
+def _service_files(root: Path) -> list[Path]:
+    """Files of services in the order of their epochs."""
+    named = [p for p in (root / "services").glob("*") if _SERVICES.fullmatch(p.name)]
+    return sorted(named, key=_epochs_of)
+
+
+def _epochs_of(path: Path) -> tuple[int, int]:
+    first, last = path.stem.split("-")
+    return int(first), int(last)
+
+
+def _keep(
+    root: Path,
+    record: train.EpochRecord,
+    services: list[Interactions],
+    lines: list[str],
+    prints: dict[str, str],
+) -> None:
+    """Everything since the last checkpoint, and the checkpoint last of all."""
+    epoch = record.epoch + 1
+    Interactions.concat(services).write_parquet(
+        root / "services" / f"{epoch - len(services):06d}-{epoch:06d}.parquet"
+    )
+    files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))
+    checkpoint.save(
+        root / "checkpoint.npz",
+        record.state,
+        fingerprints=prints,
+        extra={"epoch": epoch, "rng": record.rng, "past": record.past.plain()},
+    )
+
+
+def _line(record: train.EpochRecord) -> str:
+    """The epoch as JSON, without the clock: an undisturbed and a resumed run log the same."""
+    numbers = {k: v for k, v in record.numbers.items() if not k.startswith("time_")}
+    return json.dumps({"epoch": record.epoch} | numbers, allow_nan=False)

@@ -1,0 +1,175 @@
+"""What can be set of a run of training, and the settings of the experiments' arms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from evenhand.core.errors import InputError, unknown, whole
+from evenhand.methods import guidance
+from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.restaurant import scenarios
+from evenhand.restaurant.scenarios import needs, sensing
+from evenhand.restaurant.simulation import task
+from evenhand.training.policy import PolicySettings
+from evenhand.training.rivals import methods
+from evenhand.training.update import UpdateSettings
+
+PRESETS = ("paper", "service")
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """One run of training."""
+
+    preset: Literal["paper", "service"] = "paper"
+    """paper: the reward is Eq. 4/5 and nothing else, and the advantage runs over people (Eq. 6).
+    service: service quality plus Eq. 4/5, and every service is an episode."""
+
+    seed: int = 0
+    """Of everything random in the run."""
+
+    epochs: int = 300
+    """Updates."""
+
+    people: int = 30
+    """Services in one epoch."""
+
+    scenario: str = "even"
+    """Where unevenness comes from, see ``scenarios``; several are joined by a plus."""
+
+    population: str | None = None
+    """Where people are drawn from; none means that of the scenario."""
+
+    evenness_weight: float = 1.0
+    """service preset: weight of Eq. 4/5, scaled to at most 1, beside a perfect service's 1."""
+
+    threshold: float = 0.5
+    """Manual threshold on the total issue score, which is counted beside the detector."""
+
+    guidance: guidance.GuidanceSettings = field(default_factory=guidance.GuidanceSettings)
+    """What the robot is told about its evenness."""
+
+    rival: str = "none"
+    """Another published way to evenness instead, see ``rivals``."""
+
+    rival_strength: float | None = None
+    """Its main setting, see ``rivals.STRENGTH``; none means its default."""
+
+    unaware: bool = False
+    """Hide from the policy whom it serves."""
+
+    reflect: bool = True
+    """Examine every update along the bias gradient."""
+
+    reflection: ReflectionSettings = field(default_factory=ReflectionSettings)
+    """When an update is abnormal."""
+
+    update: UpdateSettings = field(default_factory=UpdateSettings)
+    """How it learns."""
+
+    policy: PolicySettings = field(default_factory=PolicySettings)
+    """The network."""
+
+    task: task.TaskSettings = field(default_factory=task.TaskSettings)
+    """How often it decides."""
+
+    sense: sensing.SenseSettings = field(default_factory=sensing.SenseSettings)
+    """The distance sensor."""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise unknown("preset", self.preset, PRESETS)
+        self.world  # noqa: B018 - a wrong scenario or population is said at once
+        if self.sense.perception:
+            raise InputError(
+                f"sense.perception is {self.sense.perception}: how sensing depends on the person "
+                "is said by the scenario, so name the scenario perception instead"
+            )
+        self._check_method()
+        whole("seed", self.seed, 0, 2**32 - 1)
+        whole("epochs", self.epochs, 1, 1_000_000)
+        whole("people", self.people, 2, 10_000)
+        if not 0.0 <= self.evenness_weight < np.inf:
+            raise InputError(f"evenness_weight is {self.evenness_weight}: give 0 or more")
+        if not 0.0 <= self.threshold < np.inf:
+            raise InputError(f"threshold is {self.threshold}: give 0 or more")
+
+    @property
+    def world(self) -> scenarios.Scenario:
+        """The scenario, with the population that was chosen."""
+        found = scenarios.scenario(self.scenario)
+        return found if self.population is None else replace(found, population=self.population)
+
+    @property
+    def sensor(self) -> sensing.SenseSettings:
+        """The distance sensor in this scenario."""
+        return replace(self.sense, perception=self.world.perception)
+
+    @property
+    def needs(self) -> needs.NeedSettings:
+        """Who needs another service in this scenario."""
+        return needs.NeedSettings(self.world.needs)
+
+    def _check_method(self) -> None:
+        if self.rival != "none":
+            methods.strong(self.rival, self.rival_strength)
+        elif self.rival_strength is not None:
+            raise InputError("rival_strength is given without a rival: name one, or leave it out")
+        kind = self.guidance.kind
+        if self.rival != "none" and kind != "none":
+            raise InputError(
+                f"guidance {kind} and the rival {self.rival} are two ways to evenness: choose one"
+            )
+        if self.preset == "paper" and (self.rival != "none" or kind in guidance.SERVICE_KINDS):
+            method = kind if self.rival == "none" else self.rival
+            raise InputError(
+                f"preset paper rewards Eq. 4/5 and nothing else, and {method} is added to a "
+                "service reward: choose the preset service"
+            )
+        if self.preset == "paper" and kind == "none":
+            raise InputError(
+                "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: "
+                "choose score or penalty, or the preset service"
+            )
+        if self.preset == "paper" and self.world.tips:
+            raise InputError(
+                "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
+                f"{self.scenario!r}: choose the preset service, or a scenario without tips"
+            )
+
+
+def settings_of(
+    name: str,
+    algorithm: str,
+    kind: str,
+    *,
+    seed: int = 0,
+    epochs: int = 300,
+    population: str | None = None,
+) -> TrainSettings:
+    """The settings of one arm of the experiment.
+
+    Args:
+        name: paper or service.
+        algorithm: reinforce or ppo.
+        kind: of guidance, one of ``guidance.KINDS``.
+        seed: of the run.
+        epochs: updates.
+        population: where people are drawn from; that of the scenario by default.
+    """
+    if name not in PRESETS:
+        raise unknown("preset", name, PRESETS)
+    whole("epochs", epochs, 1, 1_000_000)
+    # a service is short: discounting inside it would only pay for haste
+    gamma = 0.99 if name == "paper" else 1.0
+    return TrainSettings(
+        preset=name,  # type: ignore[arg-type]
+        seed=seed,
+        epochs=epochs,
+        population=population,
+        guidance=guidance.guided(kind),
+        update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
+    )
