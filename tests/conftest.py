@@ -106,6 +106,7 @@ class Apart:
         done = subprocess.run(
             [*self.program, *map(str, words)],
             **{"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "check": False}
+            | {"errors": "backslashreplace"}
             | options,
         )
         return Ended(done.returncode, done.stdout or "", done.stderr or "")
@@ -126,6 +127,7 @@ class Apart:
             stderr=subprocess.PIPE,
             stdin=subprocess.DEVNULL,
             text=True,
+            errors="backslashreplace",  # a process that is stopped may leave half a character
             start_new_session=True,
             **options,
         )

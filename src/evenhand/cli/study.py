@@ -13,7 +13,6 @@ from tyro.conf import Positional, arg
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
 from evenhand.study.design import protocol_file
-from evenhand.study.server.open_store import open_store
 
 if TYPE_CHECKING:
     from evenhand.study.design.protocol import Protocol
@@ -116,6 +115,7 @@ class StudyPreview:
         """Serve from memory."""
         _need()
         from evenhand.study.server import engines
+        from evenhand.study.server.open_store import open_store
 
         study = protocol_file.read(self.file or protocol_file.PAPER, self.clips)
         settings, made = _settings(None, preview=True)
@@ -157,6 +157,7 @@ class StudyServe:
     def run(self, command: str) -> int:
         """Serve."""
         _need()
+        from evenhand.study.server.open_store import open_store
 
         path = self.file or protocol_file.PAPER
         study = protocol_file.read(path, self.clips)
@@ -191,6 +192,7 @@ class StudyBackup:
         """Copy."""
         _need()
         from evenhand.study.server import backup
+        from evenhand.study.server.open_store import open_store
         from evenhand.study.server.refusal import StorageError
 
         files.make_folder(self.out.parent)
@@ -236,6 +238,7 @@ class StudyExport:
         """Write."""
         _need()
         from evenhand.study.server import export
+        from evenhand.study.server.open_store import open_store
 
         path = self.file or protocol_file.PAPER
         study, wrong = protocol_file.examine(path, look=False)
