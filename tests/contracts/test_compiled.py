@@ -77,4 +77,4 @@ def test_the_rule_is_broken_where_it_should_be(tmp_path):
     function = ast.parse(path.read_text()).body[1]
     assert isinstance(function, ast.FunctionDef)
     assert used(function) == {"floor_plan"}
-    assert imported_from(path) == {"plan": "evenhand.restaurant"}
+    assert imported_from(path) == {"floor_plan": "evenhand.restaurant"}
