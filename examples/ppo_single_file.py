@@ -27,6 +27,7 @@ from evenhand.adapters import JudgeSettings, JudgeVectorServices
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.methods.guidance import guided
+from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 
@@ -62,10 +63,14 @@ class Args:
 
 
 def make_envs(args: Args, guidance: str) -> JudgeVectorServices[np.ndarray, np.ndarray]:
-    """Restaurants whose services are written down, judged, and paid for evenness."""
+    """Restaurants whose services are written down, judged, and paid for evenness.
+
+    Observations are scaled: a policy has to tell 1.0 m from 1.5 m, which are close together in
+    plain observations, and would need many times more services to learn it.
+    """
     envs = RestaurantVectorEnv(args.num_envs, AutoresetMode.SAME_STEP, needs=args.needs)
     settings = JudgeSettings(guidance=guided(guidance))
-    return JudgeVectorServices(envs, SCHEME, facts_of, settings=settings)
+    return JudgeVectorServices(ScaleVectorObservation(envs), SCHEME, facts_of, settings=settings)
 
 
 # --- the agent: two networks of two hidden layers -------------------------------------------------

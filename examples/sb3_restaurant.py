@@ -26,6 +26,7 @@ from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.adapters.sb3 import EvennessCallback, restaurant
 from evenhand.methods.guidance import guided
+from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 WORLD: dict[str, Any] = {"needs": 1.0}
@@ -58,9 +59,9 @@ def learn(algorithm: str, guidance: str, rollouts: int, seed: int) -> tuple[Any,
 
 def test(model: Any, services: int, seed: int) -> Ledger:
     """Services of a robot that has learned, for people that it was not trained on."""
-    env = JudgeVectorServices(
-        RestaurantVectorEnv(LANES, AutoresetMode.SAME_STEP, **WORLD), SCHEME, facts_of
-    )
+    envs = RestaurantVectorEnv(LANES, AutoresetMode.SAME_STEP, **WORLD)
+    # observations scaled as in training
+    env = JudgeVectorServices(ScaleVectorObservation(envs), SCHEME, facts_of)
     seen, _ = env.reset(seed=seed)
     while len(env.ledger) < services:
         for _ in range(100):

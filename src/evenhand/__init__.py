@@ -16,6 +16,8 @@ _PUBLIC = {
     "JudgeVectorServices": "evenhand.adapters",
     "RestaurantEnv": "evenhand.restaurant.env",
     "RestaurantVectorEnv": "evenhand.restaurant.vector",
+    "ScaleObservation": "evenhand.restaurant.observation",
+    "ScaleVectorObservation": "evenhand.restaurant.observation",
     "Scheme": "evenhand.methods.scheme",
     "ScriptedRobot": "evenhand.restaurant.robots",
     "Thresholds": "evenhand.methods.paper.issues",

@@ -69,6 +69,36 @@ class TestGymnasium:
         ends = sum(int(step[2].sum()) for step in told[0][1:])
         assert ends >= 8  # what was compared holds whole services
 
+    @pytest.mark.parametrize("mode", ["vector_entry_point", "sync"])
+    def test_make_vec_takes_what_gymnasium_gives_it(self, mode, opengl):
+        given = {"render_mode": "rgb_array", "camera": "guest", "max_episode_steps": 2}
+        envs = gym.make_vec(ID, 2, vectorization_mode=mode, **given)
+        again = gym.make_vec(envs.spec)  # type: ignore[arg-type]
+        drawn = []
+        for made in (envs, again):
+            assert made.render_mode == "rgb_array"
+            assert made.metadata["render_modes"] == ["rgb_array"]
+            made.reset(seed=0)
+            cut = [made.step(np.zeros(2, int))[3].tolist() for _ in range(2)]
+            assert cut == [[False, False], [True, True]]
+            drawn.append(made.render())
+            made.close()
+            made.close()
+        single = RestaurantEnv("rgb_array", "guest")
+        single.reset(seed=1)
+        for _ in range(2):
+            single.step(0)
+        for pictures in drawn:
+            assert isinstance(pictures, tuple)
+            np.testing.assert_array_equal(pictures[1], single.render())
+        single.close()
+
+    def test_many_without_a_render_mode_draw_nothing(self):
+        envs = RestaurantVectorEnv(2)
+        envs.reset(seed=0)
+        assert envs.render() is None
+        assert envs.render_mode is None
+
     def test_make_vec_of_single_environments(self):
         envs = gym.make_vec(ID, num_envs=2, vectorization_mode="sync")
         envs.reset(seed=0)
@@ -181,13 +211,20 @@ class TestWrongUse:
         with pytest.raises(InputError, match="did you mean 'population'"):
             gym.make(ID, populaton="us")
 
-    def test_render_mode(self):
+    @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
+    def test_render_mode(self, make):
         with pytest.raises(InputError, match=r"unknown render mode 'human': .*rgb_array"):
-            RestaurantEnv(render_mode="human")
+            make(render_mode="human")
 
-    def test_camera(self):
+    @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
+    def test_camera(self, make):
         with pytest.raises(InputError, match="unknown camera 'rom': did you mean 'room'"):
-            RestaurantEnv(camera="rom")
+            make(camera="rom")
+
+    @pytest.mark.parametrize("limit", [0, -2, 1.5, "9"])
+    def test_limits_that_are_none(self, limit):
+        with pytest.raises(InputError, match=f"max_episode_steps is {limit}: give a whole number"):
+            gym.make_vec(ID, 2, max_episode_steps=limit)
 
     @pytest.mark.parametrize("action", [2, -1, 0.0, None, "walk", np.array([0])])
     def test_actions_of_one(self, action):

@@ -42,16 +42,24 @@ def assert_same(ours: Any, theirs: Any, where: str) -> None:
 class TestBatchAndSingle:
     @pytest.mark.parametrize(
         "settings",
-        [{}, {"interval": 15, "dropout": 0.3}, {"population": "fairface", "noise": 0.2}],
+        [
+            {},
+            {"interval": 15, "dropout": 0.3},
+            {"population": "fairface", "noise": 0.2},
+            {"max_episode_steps": 12},
+            {"max_episode_steps": 60},  # where a service runs out of time, too
+            {"max_episode_steps": -1},
+        ],
         ids=str,
     )
     @pytest.mark.parametrize("mode", list(AutoresetMode))
     def test_step_by_step(self, mode, settings):
         n = 4
         ours = gym.make_vec(ID, n, autoreset_mode=mode, **settings)
-        theirs = SyncVectorEnv([lambda: RestaurantEnv(**settings)] * n, autoreset_mode=mode)
+        theirs = SyncVectorEnv([lambda: gym.make(ID, **settings)] * n, autoreset_mode=mode)
+        limit = settings.get("max_episode_steps", -1)
         rng = np.random.default_rng(0)
-        seen = np.zeros(2, int)
+        seen, cut = np.zeros(2, int), False
         ended = np.zeros(n, bool)
         pair = ours.reset(seed=7), theirs.reset(seed=7)
         for name, a, b in zip(("seen", "info"), *pair, strict=True):
@@ -66,10 +74,12 @@ class TestBatchAndSingle:
             pair = ours.step(actions), theirs.step(actions)
             for name, a, b in zip(("seen", "reward", "ended", "cut", "info"), *pair, strict=True):
                 assert_same(a, b, f"{t}/{name}")
-            ended = pair[0][2]
+            ended = pair[0][2] | pair[0][3]
             seen += [ended.sum(), (ended & (actions == 0)).sum()]
+            cut |= pair[0][3].any()
         assert seen[0] > n  # lanes were reset
         assert seen[1] > 0  # and services ran out of time
+        assert cut == (limit > 0)
 
     def test_a_lane_is_the_single_environment_with_the_seed_after(self):
         many, one = RestaurantVectorEnv(3), RestaurantEnv()

@@ -5,6 +5,7 @@ import dataclasses
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium as gym
 import mujoco
@@ -18,6 +19,7 @@ from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.drawing.renderer import Screen
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.simulation import layout
+from evenhand.restaurant.vector import RestaurantVectorEnv
 
 SMALL = (160, 120)
 
@@ -117,6 +119,35 @@ def test_a_closed_screen_can_be_closed_again_and_says_that_it_is_closed(screen, 
     screen.close()
     with pytest.raises(RuntimeError, match="closed"):
         screen.still(np.zeros(3), setups, 0)
+
+
+def in_another_thread(do):
+    """What something gives or raises in a thread of its own."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(do)
+
+
+@pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
+def test_a_thread_draws_what_it_opened_and_another_is_told_so(opengl, make):
+    env = make(render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = np.array(env.render())
+    for use in (env.render, env.close):
+        error = in_another_thread(use).exception()
+        assert isinstance(error, InputError)
+        assert "the renderer belongs to thread 'MainThread'" in str(error)
+    np.testing.assert_array_equal(env.render(), picture)
+
+    def elsewhere():
+        other = make(render_mode="rgb_array")
+        other.reset(seed=0)
+        drawn = np.array(other.render())
+        other.close()
+        return drawn
+
+    np.testing.assert_array_equal(in_another_thread(elsewhere).result(), picture)
+    np.testing.assert_array_equal(env.render(), picture)
+    env.close()
 
 
 def test_the_largest_picture_can_be_drawn(opengl, setups):

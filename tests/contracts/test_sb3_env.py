@@ -11,6 +11,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from evenhand.core.errors import InputError
 from evenhand.restaurant.env import RestaurantEnv
+from evenhand.restaurant.observation import ScaleObservation, scale
 from evenhand.restaurant.vector import RestaurantVectorEnv
 from support.extras import wanted
 from support.toys import Toy
@@ -101,6 +102,19 @@ def test_types_are_those_that_its_learners_want():
     assert dones.all()
     assert [info["episode"]["l"] for info in infos] == [1] * LANES
     assert [info["episode"]["r"] for info in infos] == pytest.approx(rewards.tolist(), abs=1e-5)
+
+
+def test_observations_are_scaled_unless_they_are_wanted_plain():
+    scaled, plain = restaurant(LANES, seed=0), restaurant(LANES, seed=0, scaled=False)
+    assert plain.observation_space == RestaurantEnv().observation_space
+    assert scaled.observation_space == ScaleObservation(RestaurantEnv()).observation_space
+    seen: Any = plain.reset()
+    np.testing.assert_array_equal(scaled.reset(), scale(seen))
+    _, _, _, mine = scaled.step(np.ones(LANES, int))
+    _, _, _, others = plain.step(np.ones(LANES, int))
+    for one, other in zip(mine, others, strict=True):
+        last = scale(other["terminal_observation"])
+        np.testing.assert_array_equal(one["terminal_observation"], last)
 
 
 def test_seeds_count_once_and_are_one_a_lane():

@@ -7,16 +7,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from evenhand.core.errors import InputError, unknown
-from evenhand.restaurant import floor_plan
-from evenhand.restaurant.drawing import dressing
-from evenhand.restaurant.env_base import (
-    FACT_NAMES,
-    Source,
-    finished,
-    observation_space,
-    settings_from,
-)
+from evenhand.core.errors import InputError
+from evenhand.restaurant import state as states
+from evenhand.restaurant.env_base import FACT_NAMES, Source, finished, settings_from
+from evenhand.restaurant.observation import observation_space
+from evenhand.restaurant.pictures import RENDERING, Pictures, rendering
 from evenhand.restaurant.simulation import task
 from evenhand.restaurant.simulation.lanes import Lanes
 
@@ -68,9 +63,20 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
     ### Arguments
 
     Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``.
+
+    ### Networks
+
+    :class:`ScaleObservation` spreads distance and time out, as Evenhand's own learner takes them.
+    Without it, networks need many times more services to learn where to respond.
+
+    ### Copies and states
+
+    ``copy.deepcopy`` and ``pickle`` copy everything, wrappers included: a copy goes on bit for bit
+    like the original. ``get_state`` and ``set_state`` do so for the environment without wrappers:
+    ``env.unwrapped.get_state()``.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012 - as Gymnasium declares it
+    metadata: dict[str, Any] = RENDERING
 
     def __init__(
         self, render_mode: str | None = None, camera: str = "room", **settings: Any
@@ -86,27 +92,18 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
             InputError: for an unknown setting, population, camera or render mode.
         """
         self.settings = settings_from(settings)
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise unknown("render mode", render_mode, self.metadata["render_modes"])
-        if camera not in dressing.CAMERAS:
-            raise unknown("camera", camera, dressing.CAMERAS)
+        self._pictures = Pictures(render_mode, camera)
         self.render_mode = render_mode
-        self._camera = camera
-        self._screen: Any = None
-        self.metadata = {
-            **self.metadata,
-            "render_fps": round(1 / (floor_plan.TIMESTEP * self.settings.interval)),
-        }
+        self.metadata = rendering(self.settings)
         self.observation_space = observation_space()
         self.action_space = gym.spaces.Discrete(2)
-        self._lanes = Lanes(1, task.TaskSettings(self.settings.interval))
-        self._source = Source(self._lanes, self.settings)
         self._running = self._begun = False
         self._ids = np.zeros(1, np.int64)
-        if render_mode is not None:
-            from evenhand.restaurant.drawing.renderer import Screen
+        self._furnish()
 
-            self._screen = Screen(camera)
+    def _furnish(self) -> None:
+        self._lanes = Lanes(1, task.TaskSettings(self.settings.interval))
+        self._source = Source(self._lanes, self.settings)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -150,12 +147,50 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The picture of one camera, uint8 [height, width, 3], or None without a render mode."""
-        if self._screen is None or not self._begun:
+        if self.render_mode is None or not self._begun:
             return None
-        return self._screen.picture(self._lanes.world, 0, *self._source.current(0))
+        return self._pictures.of(self._source, 0)
 
     def close(self) -> None:
         """Free the renderer."""
-        if self._screen is not None:
-            self._screen.close()
-            self._screen = None
+        self._pictures.close()
+
+    def get_state(self) -> dict[str, Any]:
+        """The state as numbers, texts, lists and dictionaries, which JSON can hold.
+
+        It has all that comes, wrappers and ``action_space`` apart.
+
+        Raises:
+            InputError: when ``np_random`` was replaced by a generator of an unusual kind.
+        """
+        running = states.Running([self.np_random], self._begun, np.array([not self._running]))
+        return states.save(self._source, self._common(), running)
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state as the environment did that it was taken from, bit for bit.
+
+        Args:
+            state: from ``get_state`` of an environment with the same settings.
+
+        Raises:
+            InputError: for a state of another version, of other settings, or a damaged one;
+                nothing is changed then.
+        """
+        running = states.restore(state, self._source, self._common())
+        self.np_random = running.generators[0]
+        self._begun, self._running = running.begun, not running.ended[0]
+
+    def _common(self) -> dict[str, Any]:
+        return {"environment": type(self).__name__, **self.settings.plain()}
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = self.get_state()
+        return {k: v for k, v in vars(self).items() if k not in ("_lanes", "_source")} | {
+            "state": state
+        }
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        vars(self).update({name: value for name, value in kept.items() if name != "state"})
+        self._furnish()
+        self.set_state(kept["state"])
+        self._np_random_seed = kept["_np_random_seed"]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import functools
+import zlib
+from dataclasses import dataclass, fields, replace
 from numbers import Integral, Real
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown
@@ -16,7 +17,7 @@ from evenhand.restaurant.simulation import kernels, layout, task
 from evenhand.restaurant.simulation.lanes import Beginning, Lanes
 from evenhand.restaurant.simulation.world import Rows
 
-_BLOCK = 64
+BLOCK = 64
 """Set-ups that a lane draws at a time from its own generator."""
 
 
@@ -53,9 +54,46 @@ class RestaurantSettings:
         sensing.SenseSettings(self.noise, self.dropout, self.perception)
         needs.NeedSettings(self.needs)
 
+    def plain(self) -> dict[str, Any]:
+        """By name, as plain text and numbers."""
+        return {
+            name: value if isinstance(value, str) else np.asarray(value).item()
+            for name, value in vars(self).items()
+        }
+
+
+@dataclass(frozen=True)
+class Block:
+    """Services that were drawn at a time.
+
+    Attributes:
+        origin: state of the generator before they were drawn.
+        setups: who is where, ``BLOCK`` of them.
+        beginning: of the services.
+    """
+
+    origin: dict[str, Any]
+    setups: layout.Setups
+    beginning: Beginning
+
+    def checksum(self) -> int:
+        """A number that differs when anything was drawn differently."""
+        begun = self.beginning
+        parts = [
+            *vars(self.setups).values(),
+            begun.noise,
+            *(begun.perceived[name] for name in ("reading", "stretch")),
+            *(begun.rows.truth[name] for name in ("room", "reach", "signal")),
+        ]
+        return functools.reduce(lambda so_far, part: zlib.crc32(part.tobytes(), so_far), parts, 0)
+
 
 class Source:
-    """Services of each lane, drawn a block at a time from a generator of its own."""
+    """Services of each lane, drawn a block at a time from a generator of its own.
+
+    Attributes:
+        lanes: where they are served.
+    """
 
     def __init__(self, lanes: Lanes, settings: RestaurantSettings) -> None:
         self._population = people.population(settings.population)
@@ -63,65 +101,88 @@ class Source:
         self._needs = needs.NeedSettings(settings.needs)
         self._readings = task.TaskSettings(settings.interval).decisions + 1
         self._elapsed = settings.interval * floor_plan.TIMESTEP
-        self._lanes = lanes
-        self._drawn: list[layout.Setups | None] = [None] * lanes.n
+        self.lanes = lanes
+        self._blocks: list[Block | None] = [None] * lanes.n
         self._store: Beginning | None = None
-        self._asking = np.zeros((lanes.n * _BLOCK, len(people.IDENTITIES)), np.int64)
-        self._next = [_BLOCK] * lanes.n
+        self._asking = np.zeros((lanes.n * BLOCK, len(people.IDENTITIES)), np.int64)
+        self._next = [BLOCK] * lanes.n
 
     def forget(self, lane: int) -> None:
         """Drop what was drawn for a lane, which has been given a new seed."""
-        self._next[lane] = _BLOCK
+        self._next[lane] = BLOCK
 
     def begin(self, ids: np.ndarray, rngs: list[np.random.Generator]) -> np.ndarray:
         """Begin the next service of each of these lanes; returns who asks in it, int64 [k, 5]."""
         at = np.empty(len(ids), np.int64)
         for row, lane in enumerate(ids.tolist()):
-            if self._next[lane] == _BLOCK:
-                self._draw(lane, rngs[lane])
-            at[row] = lane * _BLOCK + self._next[lane]
+            if self._next[lane] == BLOCK:
+                self._keep(lane, self.draw(rngs[lane]))
+                self._next[lane] = 0
+            at[row] = lane * BLOCK + self._next[lane]
             self._next[lane] += 1
         assert self._store is not None
-        self._lanes.begin(ids, self._store, at)
+        self.lanes.begin(ids, self._store, at)
         return self._asking[at]
 
     def current(self, lane: int) -> tuple[layout.Setups, int]:
         """Set-ups drawn for a lane, and which of them is being served."""
-        drawn = self._drawn[lane]
-        assert drawn is not None
-        return drawn, self._next[lane] - 1
+        return self.block(lane).setups, self._next[lane] - 1
 
-    def _draw(self, lane: int, rng: np.random.Generator) -> None:
-        setups = layout.draw(self._population, _BLOCK, rng)
+    def known(self, lane: int) -> Block | None:
+        """What was drawn last for a lane, None before its first service."""
+        return self._blocks[lane]
+
+    def block(self, lane: int) -> Block:
+        """The same for a lane in which a service has begun."""
+        block = self._blocks[lane]
+        assert block is not None
+        return block
+
+    def draw(self, rng: np.random.Generator) -> Block:
+        """Draw a block."""
+        origin = dict(rng.bit_generator.state)
+        setups = layout.draw(self._population, BLOCK, rng)
         chances = sensing.draw(self._sense, setups.asking, self._readings, self._elapsed, rng)
         wanted = needs.draw(self._needs, setups.asking, rng)
-        block = self._lanes.prepare(setups, chances, wanted)
-        every = self._lanes.n * _BLOCK
+        return Block(origin, setups, self.lanes.prepare(setups, chances, wanted))
+
+    def resume(self, blocks: list[Block], rows: np.ndarray) -> None:
+        """Begin one certain service in every lane.
+
+        Args:
+            blocks: of each lane.
+            rows: which service of the block, int [n].
+        """
+        for lane, block in enumerate(blocks):
+            if block is not self._blocks[lane]:
+                self._keep(lane, block)
+        assert self._store is not None
+        ids = np.arange(self.lanes.n)
+        self.lanes.begin(ids, self._store, ids * BLOCK + rows)
+        self._next = (rows + 1).tolist()
+
+    def _keep(self, lane: int, block: Block) -> None:
+        begun = block.beginning
+        every = self.lanes.n * BLOCK
         if self._store is None:
             self._store = Beginning(
-                Rows(*(_room(part, every) for part in vars(block.rows).values())),
-                _room(block.perceived, every),
-                _room(block.noise, every),
+                Rows(*(_room(part, every) for part in vars(begun.rows).values())),
+                _room(begun.perceived, every),
+                _room(begun.noise, every),
             )
-        store, rows = self._store, slice(lane * _BLOCK, (lane + 1) * _BLOCK)
-        for name, values in vars(block.rows).items():
+        store, rows = self._store, slice(lane * BLOCK, (lane + 1) * BLOCK)
+        for name, values in vars(begun.rows).items():
             getattr(store.rows, name)[rows] = values
-        store.perceived[rows], store.noise[rows] = block.perceived, block.noise
-        self._asking[rows] = setups.asking
-        self._drawn[lane] = setups
-        self._next[lane] = 0
+        store.perceived[rows], store.noise[rows] = begun.perceived, begun.noise
+        self._asking[rows] = block.setups.asking
+        parts = Rows(*(part[rows] for part in vars(store.rows).values()))
+        kept = Beginning(parts, store.perceived[rows], store.noise[rows])
+        self._blocks[lane] = replace(block, beginning=kept)
 
 
 def _room(block: np.ndarray, n: int) -> np.ndarray:
     """Room for n rows like those of a block."""
     return np.empty((n, *block.shape[1:]), block.dtype)
-
-
-def observation_space() -> gym.spaces.Box:
-    """What one lane observes, see ``RestaurantEnv``."""
-    high = np.ones(task.OBSERVATION_SIZE, np.float32)
-    high[task.N_GROUPS] = task.DISTANCE_LIMIT
-    return gym.spaces.Box(np.zeros_like(high), high, dtype=np.float32)
 
 
 FACTS = np.dtype(

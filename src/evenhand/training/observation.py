@@ -4,35 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
+from evenhand.restaurant import observation as observed
 from evenhand.restaurant.simulation import task
 from evenhand.restaurant.simulation.native import Network
 from evenhand.training.policy import ActorCritic
 from evenhand.training.rivals import formulas
 from evenhand.training.settings import TrainSettings
 
-_CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
-_SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
-"""Of distance and time: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and
-0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the services. The time
-likewise."""
-
 
 def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
     """The actor with its view of observations, for services as machine code."""
-    actor, scale = policy.actor, _SCALE.copy()
+    actor, scale = policy.actor, observed.SCALE.copy()
     if settings.unaware:
         scale[: task.N_GROUPS] = 0.0
     return Network(
         weights=tuple(np.array(w, np.float32) for w in actor.weights),
         biases=tuple(np.array(b, np.float32) for b in actor.biases),
-        centre=_CENTRE,
+        centre=observed.CENTRE,
         scale=scale,
         relu=actor.activation == "relu",
     )
 
 
 def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
-    """Observations as the policy takes them: distance and time centred and spread out.
+    """Observations as the policy takes them: scaled.
 
     Args:
         settings: of the run; ``unaware`` hides who is served.
@@ -41,5 +36,5 @@ def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
     Returns:
         Of the same shape and type.
     """
-    out = (observation - _CENTRE) * _SCALE
+    out = observed.scale(observation)
     return formulas.unaware(out, task.N_GROUPS) if settings.unaware else out

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import expit
 
+from evenhand.core import forks
 from evenhand.core.errors import InputError, unknown
 
 WALK = 0
@@ -157,8 +158,9 @@ def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generato
         rng: source of the weights; the actor's layers are drawn first, then the critic's.
 
     Raises:
-        InputError: ``obs_size`` is below 1.
+        InputError: ``obs_size`` is below 1, or in a process that was forked after JAX was used.
     """
+    forks.check_jax()
     if obs_size < 1:
         raise InputError(f"obs_size is {obs_size}; an observation has at least 1 number")
     rate = settings.initial_response_rate

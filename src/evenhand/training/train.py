@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from evenhand.core import forks
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond import guard, levelup
 from evenhand.methods.paper import issues
@@ -121,7 +122,8 @@ def train(
         A record after every update.
 
     Raises:
-        InputError: as ``check_detector``, or for no threads.
+        InputError: as ``check_detector``, for no threads, or in a process that was forked after
+            threads or JAX were used.
     """
     check_detector(detector)
     state = begin(settings) if state is None else state
@@ -132,6 +134,7 @@ def train(
     lanes = Lanes(settings.people, settings.task, threads if engines is None else 1)
     served, following = _drawn(settings, lanes, rng)
     for number in range(first_epoch, settings.epochs):
+        forks.check_jax()
         began = perf_counter()
         before, asking = state.policy, served.setups.asking
         if engines is None:

@@ -104,7 +104,7 @@ def test_it_writes_down_what_a_plain_loop_sees():
 @pytest.mark.parametrize("algorithm", [PPO, A2C])
 def test_learning_is_the_same_on_one_vector_environment_as_on_many_single_ones(algorithm):
     found = []
-    for env in (restaurant(3), DummyVecEnv([RestaurantEnv] * 3)):
+    for env in (restaurant(3, scaled=False), DummyVecEnv([RestaurantEnv] * 3)):
         callback = EvennessCallback(SCHEME, facts_of, settings=JudgeSettings(5, guided("score")))
         chosen: dict[str, Any] = {"n_steps": 40} | SMALL
         if algorithm is PPO:

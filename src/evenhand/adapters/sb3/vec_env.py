@@ -15,22 +15,27 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from evenhand.adapters.autoreset import mode_of, parted, statistics_of
 from evenhand.adapters.episodes import FINAL_OBS, of_lane
 from evenhand.core.errors import InputError
+from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
 
-def restaurant(num_envs: int = 30, seed: int | None = None, **settings: Any) -> VecMonitor:
+def restaurant(
+    num_envs: int = 30, seed: int | None = None, *, scaled: bool = True, **settings: Any
+) -> VecMonitor:
     """The restaurant, many at once, with returns and lengths of services noted.
 
     Args:
         num_envs: how many restaurants.
         seed: of the first one; restaurant i gets ``seed + i``. Without one they are drawn anew.
+        scaled: observe what ``ScaleVectorObservation`` gives; what is learned has to be tested so.
         **settings: of ``RestaurantSettings``.
 
     Raises:
         InputError: for an unknown setting or population, or fewer than one restaurant.
     """
+    inner: VectorEnv[Any, Any, np.ndarray]
     inner = RestaurantVectorEnv(num_envs, AutoresetMode.SAME_STEP, **settings)
-    env = ServiceVecEnv(inner)
+    env = ServiceVecEnv(ScaleVectorObservation(inner) if scaled else inner)
     if seed is not None:
         env.seed(seed)
     return VecMonitor(env)

@@ -9,13 +9,19 @@ touches OpenGL, so that simulating and learning need none of its libraries.
 from __future__ import annotations
 
 import copy
+import functools
 import importlib
 import os
 import sys
+import threading
+from collections.abc import Callable
+from typing import TypeVar
 
 import mujoco
 import numpy as np
+from mujoco.rendering.classic import gl_context
 
+from evenhand.core import forks
 from evenhand.core.errors import InputError, unknown
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.drawing.guests import Figures
@@ -30,6 +36,7 @@ _SMALLEST = 1.5
 """Radius of the smallest geoms that are drawn, pixels."""
 _ROBOT_BOX = np.array([(x, y, z) for x in (-0.45, 0.45) for y in (-0.45, 0.45) for z in (0.0, 1.3)])
 """Corners of a box around the robot, whichever way it turns; metres from its place on the floor."""
+T = TypeVar("T")
 Part = tuple[int, int, int, int]
 """Of a picture: first column, first row from below, number of columns, number of rows; pixels."""
 
@@ -90,6 +97,7 @@ class Screen:
         self._robots = self._model.geom_bodyid == self._model.body("robot").id
         self._still: np.ndarray | None = None
         renderer = _renderer(self._model, width, height)
+        self._thread = threading.current_thread()
         # five to seven times faster without
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
@@ -196,6 +204,7 @@ class Screen:
         renderer = self._renderer
         if renderer is None:
             raise RuntimeError("the screen is closed: make a new one")
+        self._check()
         self._model.geom_group[:] = np.where(seen, self._groups, _HIDDEN)
         renderer.update_scene(self._data, self.camera, self._options)
         if part is None:
@@ -262,20 +271,61 @@ class Screen:
         return seen
 
     def close(self) -> None:
-        """Free the renderer; a second call does nothing."""
+        """Free the renderer; a second call does nothing.
+
+        Raises:
+            InputError: in another thread than the one that made it, and in a forked process.
+        """
         if self._renderer is not None:
+            self._check()
             self._renderer.close()
             self._renderer = None
 
+    def _check(self) -> None:
+        """OpenGL belongs to the process and the thread that opened it."""
+        _opengl().check()
+        if threading.current_thread() is not self._thread:
+            raise InputError(
+                f"the renderer belongs to thread {self._thread.name!r}, which made it with its "
+                f"first picture, and {threading.current_thread().name!r} cannot use it: draw and "
+                "close there, or make an environment for each thread"
+            )
+
+
+@functools.cache
+def _opengl() -> forks.Home:
+    return forks.Home("OpenGL was opened")
+
+
+def find_opengl() -> None:
+    """Choose how OpenGL is reached, and find it, but do not open it.
+
+    Raises:
+        InputError: when it is not there.
+    """
+
+    def find() -> None:
+        if gl_context.GLContext is getattr(gl_context, "_MissingGLContext", None):
+            raise ImportError("nothing was found for the value of MUJOCO_GL")
+
+    _through_opengl(find)
+
 
 def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    _opengl().check()
+    made = _through_opengl(lambda: mujoco.Renderer(model, height, width))
+    forks.hold(made)
+    return made
+
+
+def _through_opengl(do: Callable[[], T]) -> T:
     chosen = os.environ.get("MUJOCO_GL")
     display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     try:
         if sys.platform.startswith("linux") and not chosen and not display:
             os.environ["MUJOCO_GL"] = "egl"
-            importlib.reload(mujoco.rendering.classic.gl_context)
-        return mujoco.Renderer(model, height, width)
+            importlib.reload(gl_context)
+        return do()
     except (ImportError, AttributeError, RuntimeError, OSError, mujoco.FatalError) as error:
         if not chosen:
             # whoever imports MuJoCo next must not stumble over a choice that does not work

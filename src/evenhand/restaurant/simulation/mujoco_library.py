@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,8 +37,17 @@ class _Running:
         self.how_many = 0
         self.clock: int | None = None
 
+    def forked(self) -> None:
+        """In a forked process no simulation runs, whoever ran one before."""
+        where = address(_CLOCK) if self.how_many else None
+        if where is not None:
+            clock = ctypes.c_void_p.from_address(where)
+            clock.value = clock.value or self.clock
+        self.lock, self.how_many = threading.Lock(), 0
+
 
 _running = _Running()
+os.register_at_fork(after_in_child=_running.forked)
 
 
 @contextmanager

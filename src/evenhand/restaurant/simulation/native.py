@@ -21,6 +21,7 @@ import llvmlite.binding as llvm
 import mujoco
 import numpy as np
 
+from evenhand.core import forks
 from evenhand.core.errors import whole
 from evenhand.core.processors import THREADS
 from evenhand.restaurant import floor_plan
@@ -85,6 +86,7 @@ class Engines:
         self._fresh = np.empty(mujoco.mj_stateSize(self._models[0], _STATE))
         mujoco.mj_getState(self._models[0], self._datas[0], self._fresh, _STATE)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._home = forks.Home("these simulations were made", "make them in the new process, or ")
 
     def run(
         self,
@@ -103,8 +105,11 @@ class Engines:
             recorded: keep what was to be seen.
 
         Raises:
+            InputError: in a process that was forked since, if other threads would have to help.
             RuntimeError: when a simulation became unstable.
         """
+        if self._pool is not None:
+            self._home.check()
         kept = serve.Kept.empty(*drawn.uniform.shape, recorded=recorded)
         begun, setups, n = drawn.beginning, drawn.setups, len(drawn.setups)
         truth, perceived = begun.rows.truth.copy(), begun.perceived.copy()

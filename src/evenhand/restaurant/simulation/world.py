@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from evenhand.core import forks
 from evenhand.core.errors import whole
 from evenhand.core.processors import THREADS
 from evenhand.restaurant import floor_plan
@@ -79,6 +80,7 @@ class World:
         sensed: place of the person by the distance sensor, x and y in metres, [n, 2]. As MuJoCo
             leaves it after a step, a reading is one physics step old.
         clock: seconds since the service began by the timer, [n]; one physics step old likewise.
+        time: column of ``simulation`` that holds the seconds since the service began.
     """
 
     def __init__(self, n: int, threads: int = 1) -> None:
@@ -92,9 +94,9 @@ class World:
             InputError: for no threads, or more than a machine has.
         """
         whole("threads", threads, *THREADS)
-        self.n = n
+        self.n, threads = n, min(threads, n)
         model = scene.still_model()
-        self._batch = Batch(model, n, min(threads, n))
+        self._batch = Batch(model, n, threads)
         self._batch.reset()
         self._fresh = self._batch.state[:1].copy()
         self._qpos = self._batch.bind("qpos")
@@ -104,6 +106,12 @@ class World:
         self._state = self._batch.state
         first = (self._qpos.ctypes.data - self._state.ctypes.data) // self._qpos.itemsize
         self._pose = slice(first, first + model.nq)
+        time = self._batch.bind("time")
+        self.time = (time.ctypes.data - self._state.ctypes.data) // time.itemsize
+        self._home = None
+        if threads > 1:
+            self._home = forks.Home("this environment was made", "make it in the new process, or ")
+            forks.hold(self._batch)
         self._geoms = self._batch.expand("geom_pos"), self._batch.expand("geom_size")
         self._guest_geoms = guest_geoms(model)
         self._all = np.arange(n)
@@ -113,6 +121,11 @@ class World:
     def state(self) -> np.ndarray:
         """Pose of the robot: x, y (m), yaw (rad), [n, 3]."""
         return self._qpos
+
+    @property
+    def simulation(self) -> np.ndarray:
+        """Everything that MuJoCo integrates, ``mjSTATE_INTEGRATION``, [n, nstate]."""
+        return self._state
 
     @property
     def command(self) -> np.ndarray:
@@ -165,7 +178,12 @@ class World:
         Args:
             ids: simulations that drive, sorted, int [k]; None for all.
             steps: physics steps.
+
+        Raises:
+            InputError: in a process that was forked since, if other threads would have to help.
         """
+        if self._home is not None:
+            self._home.check()
         moving = self._all if ids is None else ids
         for first in range(0, steps, STEERED):
             driving.follow(
