@@ -26,7 +26,7 @@ def test_a_file_is_run_once_and_its_neighbours_can_be_imported(tmp_path, monkeyp
     found = plugins.load_plugin(file)
     assert found.NUMBER == 7
     assert plugins.load_plugin(str(file)) is found
-    assert plugins.loaded() == (file,)
+    assert plugins.texts() == {"mine.py": file.read_text()}
 
 
 def test_another_process_loads_what_this_one_loaded(tmp_path):
@@ -57,6 +57,17 @@ def test_what_is_no_python_file(tmp_path, name):
     (tmp_path / "mine.txt").write_text("")
     with pytest.raises(InputError, match="is no Python file"):
         plugins.load_plugin(tmp_path / name)
+
+
+def test_a_machine_without_the_file_loads_its_text_once(monkeypatch):
+    monkeypatch.setattr(plugins, "_received", {})
+    sent = {"mine.py": "CONTENT = object()\n"}
+    plugins.load_texts(sent)
+    first = list(plugins._files.values())
+    plugins.load_texts(sent)
+    assert list(plugins._files.values()) == first
+    plugins.load_texts({"mine.py": "CONTENT = 2\n"})
+    assert [hasattr(module, "CONTENT") for module in plugins._files.values()] == [True, True]
 
 
 def test_entry_points_are_loaded_once(monkeypatch):

@@ -12,7 +12,9 @@ import importlib.metadata
 import importlib.util
 import os
 import sys
+import tempfile
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -24,6 +26,8 @@ VARIABLE = "EVENHAND_PLUGINS"
 
 _files: dict[Path, ModuleType] = {}
 _groups: set[str] = set()
+_received: dict[tuple[str, str], Path] = {}
+_sent: str | None = None
 
 
 def load_plugin(path: str | os.PathLike[str]) -> ModuleType:
@@ -80,9 +84,26 @@ def ready(group: str) -> None:
             raise _failed(f"entry point {point.name} of package {package}", error) from error
 
 
-def loaded() -> tuple[Path, ...]:
-    """Files that were loaded, in order."""
-    return tuple(_files)
+def texts() -> dict[str, str]:
+    """Content of each file that was loaded by its name, for a machine that does not have them."""
+    return {file.name: file.read_text(encoding="utf-8") for file in _files}
+
+
+def load_texts(files: Mapping[str, str]) -> None:
+    """Load files that another machine sent, see `texts`, each content once.
+
+    Raises:
+        InputError: as `load_plugin`.
+    """
+    global _sent
+    for name, text in files.items():
+        key = (name, text)
+        if key not in _received:
+            _sent = _sent or tempfile.mkdtemp(prefix="evenhand-plugins-")
+            _received[key] = Path(_sent) / str(len(_received)) / name
+            _received[key].parent.mkdir()
+            _received[key].write_text(text, encoding="utf-8")
+        load_plugin(_received[key])
 
 
 def _failed(what: str, error: BaseException) -> InputError:
