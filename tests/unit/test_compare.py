@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evenhand.training.rivals import methods
 from scipy.stats import hypergeom
 
 from evenhand.core.errors import InputError
@@ -27,7 +28,6 @@ from evenhand.methods.services import Interactions
 from evenhand.report import figure
 from evenhand.restaurant import people, scenarios
 from evenhand.training import run_folder
-from evenhand.training.rivals import methods
 from evenhand.training.settings import TrainSettings
 
 # --- what is run ---
@@ -119,7 +119,7 @@ def test_every_arm_differs_from_service_alone_in_its_method_only():
     assert not plain.unaware
     for kind in ("score", "penalty", *guidance.SERVICE_KINDS):
         weight = ARMS[kind].strength or plain.evenness_weight
-        told = replace(plain, guidance=guidance.guided(kind), evenness_weight=weight)
+        told = replace(plain, guidance=guided(kind), evenness_weight=weight)
         assert training(kind) == told
     for name in ("lagrangian", "a_ppo", "elbert", "group_dro", "ggf"):
         told = replace(plain, rival=name, rival_strength=ARMS[name].strength)

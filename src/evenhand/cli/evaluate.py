@@ -12,7 +12,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.cli.options import OPTIONAL, Plugin, Population, Robot, RunFolder, Strength
 from evenhand.core.errors import whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
@@ -42,6 +42,8 @@ class Evaluate:
 
     strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
+
+    plugin: Plugin = ()
 
     services: int = 3000
     """How many people are served."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from evenhand.cli import inputs, interrupts
-from evenhand.cli.options import OPTIONAL, Strength
+from evenhand.cli.options import OPTIONAL, Plugin, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 
@@ -47,6 +47,8 @@ class View:
 
     strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
+
+    plugin: Plugin = ()
 
     seed: int = 0
     """Of people, places and chances: the same seed shows the same services."""

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from evenhand.methods.beyond.levelup import Influence
+from evenhand.methods.beyond.influence import Influence
 from evenhand.methods.beyond.reflection import (
     Directions,
     Past,

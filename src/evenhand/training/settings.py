@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods import guidance
+from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.paper import rewards
 from evenhand.restaurant import scenarios
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import task
 from evenhand.training.policy import PolicySettings
-from evenhand.training.rivals import methods
 from evenhand.training.update import UpdateSettings
 
 PRESETS = ("paper", "service")
@@ -43,23 +43,14 @@ class TrainSettings:
     population: str | None = None
     """Where people are drawn from; none means that of the scenario."""
 
-    evenness_weight: float = 1.0
-    """service preset: weight of Eq. 4/5, scaled to at most 1, beside a perfect service's 1."""
-
     threshold: float = 0.5
     """Manual threshold on the total issue score, which is counted beside the detector."""
 
-    guidance: guidance.GuidanceSettings = field(default_factory=guidance.GuidanceSettings)
-    """What the robot is told about its evenness."""
+    method: Any = "penalty"
+    """The way to serve: NAME, NAME@STRENGTH or an object, see ``methods.registry``."""
 
-    rival: str = "none"
-    """Another published way to evenness instead, see ``rivals``."""
-
-    rival_strength: float | None = None
-    """Its main setting, see ``rivals.STRENGTH``; none means its default."""
-
-    unaware: bool = False
-    """Hide from the policy whom it serves."""
+    tau: tuple[float, float, float, float] = rewards.TAU["equal"]
+    """Weight of each issue, in evenness and in self-reflection."""
 
     reflect: bool = True
     """Examine every update along the bias gradient."""
@@ -88,12 +79,12 @@ class TrainSettings:
                 f"sense.perception is {self.sense.perception}: how sensing depends on the person "
                 "is said by the scenario, so name the scenario perception instead"
             )
+        object.__setattr__(self, "method", registry.as_method(self.method))
+        rewards.check_tau(self.tau)
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
         whole("people", self.people, 2, 10_000)
-        if not 0.0 <= self.evenness_weight < np.inf:
-            raise InputError(f"evenness_weight is {self.evenness_weight}: give 0 or more")
         if not 0.0 <= self.threshold < np.inf:
             raise InputError(f"threshold is {self.threshold}: give 0 or more")
 
@@ -114,25 +105,11 @@ class TrainSettings:
         return needs.NeedSettings(self.world.needs)
 
     def _check_method(self) -> None:
-        if self.rival != "none":
-            methods.strong(self.rival, self.rival_strength)
-        elif self.rival_strength is not None:
-            raise InputError("rival_strength is given without a rival: name one, or leave it out")
-        kind = self.guidance.kind
-        if self.rival != "none" and kind != "none":
+        if self.preset == "paper" and not hasattr(self.method, "alone"):
+            name = registry.name_of(self.method)
             raise InputError(
-                f"guidance {kind} and the rival {self.rival} are two ways to evenness: choose one"
-            )
-        if self.preset == "paper" and (self.rival != "none" or kind in guidance.SERVICE_KINDS):
-            method = kind if self.rival == "none" else self.rival
-            raise InputError(
-                f"preset paper rewards Eq. 4/5 and nothing else, and {method} is added to a "
-                "service reward: choose the preset service"
-            )
-        if self.preset == "paper" and kind == "none":
-            raise InputError(
-                "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: "
-                "choose score or penalty, or the preset service"
+                f"preset paper rewards Eq. 4/5 and nothing else, and {name} needs a service "
+                "reward: choose score or penalty, or the preset service"
             )
         if self.preset == "paper" and self.world.tips:
             raise InputError(
@@ -144,7 +121,7 @@ class TrainSettings:
 def settings_of(
     name: str,
     algorithm: str,
-    kind: str,
+    method: Any,
     *,
     seed: int = 0,
     epochs: int = 300,
@@ -155,7 +132,7 @@ def settings_of(
     Args:
         name: paper or service.
         algorithm: reinforce or ppo.
-        kind: of guidance, one of ``guidance.KINDS``.
+        method: its name, with a strength perhaps, or the method.
         seed: of the run.
         epochs: updates.
         population: where people are drawn from; that of the scenario by default.
@@ -170,6 +147,6 @@ def settings_of(
         seed=seed,
         epochs=epochs,
         population=population,
-        guidance=guidance.guided(kind),
+        method=method,
         update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
     )

@@ -16,17 +16,19 @@ import numpy as np
 
 from evenhand.core import forks
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond import guard, levelup
+from evenhand.methods import guard
+from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.simulation import layout, native, serve, task
 from evenhand.restaurant.simulation.lanes import Lanes
 from evenhand.restaurant.simulation.recording import Recording, renumbered
 from evenhand.training import advantages, imitation, reflection_gradients
-from evenhand.training.epoch import ISSUES, Epoch, judged_by
-from evenhand.training.memory import Past
+from evenhand.training.epoch import ISSUES, epoch_of
+from evenhand.training.memory import Memory
 from evenhand.training.observation import as_network, view
 from evenhand.training.policy import Actor, ActorCritic, state_values
 from evenhand.training.settings import TrainSettings
@@ -42,7 +44,7 @@ class EpochRecord:
         numbers: everything that is counted, by name; None where it is missing.
         interactions: its services.
         state: the learner after the update.
-        past: what the next epoch has to remember beside it.
+        memory: what the next epoch has to remember beside it.
         rng: state of the generator where the next epoch begins.
         seen: what was to be seen of its services, if they were recorded.
     """
@@ -51,7 +53,7 @@ class EpochRecord:
     numbers: dict[str, Any]
     interactions: Interactions
     state: LearnerState
-    past: Past
+    memory: Memory
     rng: Mapping[str, Any]
     seen: Recording | None = None
 
@@ -102,7 +104,7 @@ def train(
     state: LearnerState | None = None,
     rng: np.random.Generator | None = None,
     first_epoch: int = 0,
-    past: Past | None = None,
+    memory: Memory | None = None,
     recorded: bool = False,
     threads: int = 1,
 ) -> Iterator[EpochRecord]:
@@ -114,7 +116,7 @@ def train(
         state: where to go on from; by default the beginning of the run.
         rng: as it was then; the run's own stream by default. It runs ahead of what is yielded.
         first_epoch: number of the next epoch.
-        past: as it was then; empty by default.
+        memory: as it was then; that of the beginning by default.
         recorded: keep what was to be seen of the services.
         threads: that step the physics; results are the same on any number.
 
@@ -128,8 +130,8 @@ def train(
     check_detector(detector)
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
-    past = Past.empty(settings) if past is None else past
-    near, looks_back = anchor(settings), advantages.looks_back(settings)
+    memory = Memory.begin(settings) if memory is None else memory
+    near = anchor(settings)
     engines = native.Engines(settings.people, threads) if native.found() else None
     lanes = Lanes(settings.people, settings.task, threads if engines is None else 1)
     served, following = _drawn(settings, lanes, rng)
@@ -148,10 +150,10 @@ def train(
         # JAX computes while Python goes on, here and after the update
         value = state_values(before, done.observation)
         served_at = perf_counter()
-        epoch = judged_by(done, asking, detector)
-        if looks_back:
-            past = advantages.remembered(settings, epoch, past)
-        taught, past = advantages.learn_from(settings, before, value, epoch, past, following)
+        epoch, watch = epoch_of(settings, done, asking, detector, value, memory.guard, number)
+        taught, kept = advantages.learn_from(
+            settings, before, value, epoch, memory.method, following
+        )
         trajectories = Trajectories(done.observation, done.action, done.mask)
         updating_at = perf_counter()
         state, report = update(
@@ -164,8 +166,7 @@ def train(
             taught.fair,
             near,
         )
-        if not looks_back:  # then it can wait until here
-            past = advantages.remembered(settings, epoch, past)
+        memory = replace(memory, guard=watch.after, method=kept)
         examined = None
         if settings.reflect:
             examined = _examined(settings, before, state.policy, trajectories, epoch)
@@ -180,27 +181,27 @@ def train(
             robot=settings.update.algorithm,
             first_service=first,
         )
-        numbers = _numbers(settings, done.facts, epoch.scores, taught.even)
+        numbers = _numbers(settings, done.facts, epoch.scores, taught.evenness)
         numbers |= {
             "biased_detector": epoch.biased,
             "biased_threshold": bool(epoch.scores.total > settings.threshold),
             # -inf, which becomes a missing number, when nothing could be judged
             "probability": np.nan_to_num(epoch.verdict.probability, nan=-np.inf).max(),
-            "guard_strength": past.guard.strength,
-            "guard_weight": guard.weight(past.guard),
+            "guard_strength": memory.guard.strength,
+            "guard_weight": guard.weight(memory.guard),
         }
         numbers |= {f"update_{name}": float(x) for name, x in vars(report).items()}
         updated_at = perf_counter()
         if examined is not None:
-            found, remembered = examined.conclude(past.reflection, settings.reflection)
-            past = replace(past, reflection=remembered)
+            found, remembered = examined.conclude(memory.reflection, settings.reflection)
+            memory = replace(memory, reflection=remembered)
             numbers |= found.numbers()
         numbers |= {
             "time_serving": served_at - began,
             "time_updating": updated_at - updating_at,
             "time_reflecting": perf_counter() - updated_at,
         }
-        yield EpochRecord(number, _plain(numbers), table, state, past, drawn, seen)
+        yield EpochRecord(number, _plain(numbers), table, state, memory, drawn, seen)
 
 
 def _drawn(
@@ -242,10 +243,10 @@ def _examined(
     epoch: Epoch,
 ) -> reflection_gradients.Examination:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""
-    tau, exact = settings.guidance.tau, levelup.CreditSettings(shrink=0.0)
-    influence = levelup.influence(epoch.x, epoch.inside, tau, settings=exact)
+    tau = settings.tau
+    found = influence(epoch.x, epoch.inside, tau, settings=CreditSettings(shrink=0.0))
     return reflection_gradients.examine(
-        before, after, trajectories, influence, people.GROUPS, ISSUES, tau
+        before, after, trajectories, found, people.GROUPS, ISSUES, tau
     )
 
 

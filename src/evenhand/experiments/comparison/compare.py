@@ -24,18 +24,17 @@ from evenhand.experiments import provenance
 from evenhand.experiments.comparison import earlier as compare_earlier
 from evenhand.experiments.comparison import manifest, tables
 from evenhand.experiments.comparison.settings import (
-    ARMS,
     NO_ALGORITHM,
     Cell,
     CompareSettings,
     checked,
+    learns,
     method_of,
     place,
 )
 from evenhand.experiments.paper.tables import write
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.methods import detector_file
-from evenhand.methods.guidance import SERVICE_KINDS
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import people, robots, scenarios
 from evenhand.restaurant.simulation import layout, serve
@@ -119,32 +118,11 @@ def compare(
 
 
 def training_of(cell: Cell, epochs: int) -> TrainSettings:
-    """Settings of a run; for an arm that learns nothing, those of the world it serves in.
-
-    The strength of an arm is the weight of evenness beside service: ``CreditSettings.strength``
-    for Evenhand's guidance, ``evenness_weight`` for the paper's, ``rivals.STRENGTH`` for a rival.
-    """
-    method, strength = method_of(cell.arm)
-    arm = ARMS[method]
-    strength = arm.strength if strength is None else strength
-    algorithm = cell.algorithm if arm.learns else "ppo"
-    base = settings_of("service", algorithm, arm.guidance, seed=cell.seed, epochs=epochs)
-    stronger: dict[str, Any] = {}
-    if strength is not None and arm.rival != "none":
-        stronger = {"rival_strength": strength}
-    elif strength is not None and arm.guidance in SERVICE_KINDS:
-        weigh = replace(base.guidance.weigh, strength=strength)
-        stronger = {"guidance": replace(base.guidance, weigh=weigh)}
-    elif strength is not None:
-        stronger = {"evenness_weight": strength}
-    return replace(
-        base,
-        scenario=cell.scenario,
-        rival=arm.rival,
-        unaware=arm.unaware,
-        reflect=False,  # nothing here looks at it
-        **stronger,
-    )
+    """Settings of a run; for an arm that learns nothing, those of the world it serves in."""
+    method = cell.arm if learns(cell.arm) else "service"
+    algorithm = cell.algorithm if learns(cell.arm) else "ppo"
+    base = settings_of("service", algorithm, method, seed=cell.seed, epochs=epochs)
+    return replace(base, scenario=cell.scenario, reflect=False)  # nothing here looks at that
 
 
 def fingerprint_of(arm: str, epochs: int) -> str:
@@ -196,7 +174,8 @@ def learn_and_serve(
     seed = TEST_SEED + cell.seed
     method, _ = method_of(cell.arm)
     biased = None
-    if ARMS[method].learns:
+    if learns(cell.arm):
+        run_folder.drop_edited(folder, settings)
         state = run_folder.execute(
             folder,
             settings,

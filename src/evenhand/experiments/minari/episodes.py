@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from evenhand.methods import registry
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
@@ -45,12 +46,13 @@ class Server:
 def trained(state: LearnerState, settings: TrainSettings, population: str | None = None) -> Server:
     """The robot of a run, which acts by chance as in training, in the world of its training."""
     sensor = settings.sensor
+    guidance = registry.name_of(settings.method)
     step = int(state.step)
     return Server(
         name=settings.update.algorithm,
         about=(
             f"a policy trained with {settings.update.algorithm} for {step} of {settings.epochs} "
-            f"epochs (preset {settings.preset}, guidance {settings.guidance.kind}, scenario "
+            f"epochs (preset {settings.preset}, guidance {guidance}, scenario "
             f"{settings.scenario}, seed {settings.seed})"
         ),
         world={
@@ -64,8 +66,7 @@ def trained(state: LearnerState, settings: TrainSettings, population: str | None
         robot=lambda asking, rngs: train.robot(settings, state.policy),
         facts={
             "preset": settings.preset,
-            "guidance": settings.guidance.kind,
-            "rival": settings.rival,
+            "guidance": guidance,
             "scenario": settings.scenario,
             "training_seed": settings.seed,
             "epochs_trained": step,

@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from evenhand.core import plugins
 from evenhand.core.errors import InputError, nearest, unknown, whole
 from evenhand.core.toml.lines import Place
 from evenhand.core.toml.reading import Mistake, content_of, located, text_of
@@ -17,10 +18,10 @@ from evenhand.core.toml.table import Table
 from evenhand.experiments.comparison import compare
 from evenhand.experiments.comparison.settings import (
     ALGORITHMS,
-    ARMS,
     NO_ALGORITHM,
     Cell,
     arm_of,
+    learns,
     method_of,
     plain,
 )
@@ -44,7 +45,7 @@ WORLD = ("population",)
 """Of ``learn.settings.TrainSettings``."""
 SETTINGS = (*UPDATE, *POLICY, *WORLD)
 _GRID = ("scenarios", "arms", "algorithms", "seeds", "epochs", "people", "services")
-_KEYS = (*_GRID, "settings", "runs")
+_KEYS = ("plugin", *_GRID, "settings", "runs")
 _SEEDS = (0, 100_000)
 _COUNTS = (1, 1000)
 
@@ -60,10 +61,22 @@ def examine(path: str | os.PathLike[str]) -> tuple[Sweep | None, list[Mistake]]:
     if isinstance(content, Mistake):
         return None, [content]
     wrong: list[tuple[Place, str]] = []
-    jobs = _jobs(Table(content, (), wrong))
+    top = Table(content, (), wrong)
+    _load_plugins(top, Path(path).parent)
+    jobs = _jobs(top)
     if not wrong:
         return Sweep(tuple(jobs), text), []
     return None, located(text, wrong, _key)
+
+
+def _load_plugins(top: Table, folder: Path) -> None:
+    """Files that the sweep names, beside its own, add methods and scenarios to it."""
+    given = top.get("plugin")
+    for name in [] if given is None else given if isinstance(given, list) else [given]:
+        try:
+            plugins.load_plugin(folder / _text("plugin", name))
+        except InputError as error:
+            top.note("plugin", str(error))
 
 
 def _key(place: Place) -> str:
@@ -127,8 +140,7 @@ def _grid(values: dict[str, tuple[Any, ...]], learner: dict[str, tuple[Any, ...]
         differs = tuple(sorted(one for one in chosen if one[1] != _default(one[0])))
         variant = Variant(epochs, served, services, differs)
         for scenario, arm, seed in product(values["scenarios"], values["arms"], values["seeds"]):
-            learns = ARMS[method_of(arm)[0]].learns
-            for algorithm in values["algorithms"] if learns else (NO_ALGORITHM,):
+            for algorithm in values["algorithms"] if learns(arm) else (NO_ALGORITHM,):
                 yield Job(variant, Cell(scenario, algorithm, arm, seed))
 
 
