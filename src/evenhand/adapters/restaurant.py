@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from evenhand.adapters.episodes import Ended
-from evenhand.methods.scheme import Identity, paper_scheme
+from evenhand.methods.scheme import paper_scheme
 from evenhand.restaurant import people
 
-SCHEME = paper_scheme([Identity(one.name, one.categories) for one in people.IDENTITIES])
+SCHEME = paper_scheme(people.IDENTITIES)
 """Five identities, the paper's four issues and the facts that tell them."""
 
 

@@ -11,4 +11,5 @@ OPTIONAL = "(optional)"
 RunFolder = Annotated[Path | None, arg(metavar="RUN", help_behavior_hint=OPTIONAL)]
 Robot = Annotated[str | None, arg(metavar="NAME", help_behavior_hint=OPTIONAL)]
 Strength = Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")]
+Scenario = Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)]
 Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]

@@ -71,6 +71,9 @@ class Train:
     ] = None
     """Main setting of the rival."""
 
+    policy: Annotated[str, arg(metavar="NAME")] = "mlp"
+    """Which network serves: mlp, or one of your own (`evenhand.register_policy`)."""
+
     unaware: bool = False
     """Hide from the policy whom it serves."""
 
@@ -103,7 +106,8 @@ class Train:
 
     detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
     """Detector that judges every epoch, from `evenhand detect fit`.
-    Without it: the one that comes along, fitted to simulated respondents."""
+    Without it: the one that comes along, fitted to simulated respondents, where it knows the
+    scenario's issues and identities; else no epoch is called biased."""
 
     threads: int = CORES
     """Threads that step the physics; the run is the same to the last bit on any number."""
@@ -131,8 +135,11 @@ class Train:
 
         set_up_jax()
         settings = self.settings()
-        judge = inputs.load_detector(self.detector)
-        train.check_detector(judge)
+        if self.detector is None:
+            judge = train.shipped_detector(settings)
+        else:
+            judge = inputs.load_detector(self.detector)
+            train.check_detector(judge, settings)
         with loggers.opened(self.log or (), self.out) as note, terminal.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
 
@@ -183,6 +190,7 @@ class Train:
             rival=self.rival,
             rival_strength=self.rival_strength,
             unaware=self.unaware,
+            policy=replace(base.policy, kind=self.policy),
         )
 
     def _check_guidance(self) -> None:

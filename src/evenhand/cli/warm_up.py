@@ -14,6 +14,8 @@ from evenhand.experiments.paper.reproduce import ARMS, arms_of
 from evenhand.experiments.settings import ReproduceSettings
 from evenhand.methods import detector_file
 from evenhand.methods.guidance import SERVICE_KINDS
+from evenhand.restaurant.robots import ScriptedRobot
+from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, train
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import settings_of
@@ -23,7 +25,7 @@ def warm() -> None:
     """Serve a window by a script, and learn one epoch in every arm of the paper's experiment."""
     set_up_jax()
     judge = detector_file.load(detector_file.SHIPPED)
-    evaluate.serve_scripted("ageist", 1.0, "uniform", evaluate.WINDOW, 0)
+    evaluate.serve_scripted(ScriptedRobot("ageist"), World(), evaluate.WINDOW, 0)
     for preset in ReproduceSettings().preset:
         for arm in arms_of(preset):
             algorithm, kind = ARMS[arm]

@@ -10,7 +10,6 @@ from jax.typing import ArrayLike
 from evenhand.methods import guidance
 from evenhand.methods.beyond import guard, levelup
 from evenhand.methods.paper import issues, losses
-from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.simulation import layout, task
 from evenhand.statistics import chance
@@ -21,10 +20,6 @@ from evenhand.training.policy import ActorCritic, state_values
 from evenhand.training.rivals import methods
 from evenhand.training.rivals.base import EpochOutcome
 from evenhand.training.settings import TrainSettings
-
-_IDENTITY = np.unique([name for name, _ in people.GROUPS], return_inverse=True)[1]
-"""Number of the identity of each group, [22]."""
-_TAU = (1.0, 1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -80,10 +75,15 @@ def learn_from(
     """
     value = np.asarray(value)
     if settings.preset == "paper":
-        even = guidance.person_rewards(epoch.scores, epoch.inside, epoch.biased, settings.guidance)
+        even = guidance.person_rewards(
+            epoch.scores, epoch.inside, epoch.biased, settings.guidance, settings.tau
+        )
         return _over_people(settings, policy, value, even, following), past
     quality = tips.reward(
-        settings.world.tips, epoch.codes, epoch.done.facts.terms, epoch.done.facts.steps
+        settings.world.tips,
+        settings.world.known(epoch.done.codes),
+        epoch.done.facts.terms,
+        epoch.done.facts.steps,
     )
     even = evenness(settings, epoch, past)
     advantage = _over_decisions(settings, epoch.done.mask, value, quality + even)
@@ -110,14 +110,14 @@ def evenness(settings: TrainSettings, epoch: Epoch, past: Past) -> np.ndarray:
     kind = settings.guidance.kind
     if kind in ("score", "penalty"):
         reward = guidance.person_rewards(
-            epoch.scores, epoch.inside, epoch.biased, settings.guidance
+            epoch.scores, epoch.inside, epoch.biased, settings.guidance, settings.tau
         )
-        return settings.evenness_weight * reward / sum(settings.guidance.tau)
+        return settings.evenness_weight * reward / sum(settings.tau)
     if kind not in ("influence", "levelup") or not _counts_now(settings, epoch):
         return np.zeros(len(epoch.done.mask))
     reward = levelup.influence_reward if kind == "influence" else levelup.levelup_reward
     pooled = levelup.pooled(past.memory)
-    return reward(epoch.x, epoch.inside, settings.guidance.tau, pooled, _weighed(settings, past))
+    return reward(epoch.x, epoch.inside, settings.tau, pooled, _weighed(settings, past))
 
 
 def _counts_now(settings: TrainSettings, epoch: Epoch) -> bool:
@@ -135,7 +135,7 @@ def _towards_evenness(settings: TrainSettings, epoch: Epoch, past: Past) -> np.n
     """-μ n w of each service at all its decisions, [n, L]."""
     weigh = _weighed(settings, past)
     pooled = levelup.pooled(past.memory)
-    found = levelup.influence(epoch.x, epoch.inside, settings.guidance.tau, pooled, weigh)
+    found = levelup.influence(epoch.x, epoch.inside, settings.tau, pooled, weigh)
     each = -weigh.strength * len(epoch.x) * found.total
     return np.where(epoch.done.mask > 0, each[:, None], 0.0)
 
@@ -171,13 +171,14 @@ def _over_decisions(
 def _outcome(epoch: Epoch, past: Past, quality: np.ndarray, advantage: np.ndarray) -> EpochOutcome:
     pooled = levelup.pooled(past.memory)
     exact = levelup.CreditSettings(shrink=0.0)
-    cost = levelup.influence(epoch.x, epoch.inside, _TAU, pooled, exact).total * len(epoch.x)
+    tau = np.ones(epoch.x.shape[1])
+    cost = levelup.influence(epoch.x, epoch.inside, tau, pooled, exact).total * len(epoch.x)
     groups, names = epoch.scores.groups, epoch.scores.issues
     return EpochOutcome(
         reward=quality,
         x=epoch.x,
         inside=epoch.inside,
-        identity=_IDENTITY,
+        identity=np.unique([name for name, _ in groups], return_inverse=True)[1],
         advantage=advantage,
         mask=epoch.done.mask,
         # without what chance gives, else the constraint could never be met

@@ -10,11 +10,8 @@ import numpy as np
 
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector, WindowVerdict
-from evenhand.restaurant import people
 from evenhand.restaurant.simulation import serve
-from evenhand.restaurant.simulation.lanes import Facts
-
-ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
+from evenhand.restaurant.worlds import World
 
 
 @dataclass(frozen=True)
@@ -22,24 +19,24 @@ class Epoch:
     """n finished services and how even they were.
 
     Attributes:
+        world: where they were given.
         done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
         judge: what a detector says of their scores.
     """
 
+    world: World
     done: serve.Services
-    codes: np.ndarray
     judge: Callable[[issues.Scores], WindowVerdict]
 
     @cached_property
     def x(self) -> np.ndarray:
-        """Issues, [n, 4], NaN where one does not apply."""
-        return issues.indicators(_Columns(self.done.facts))
+        """Issues, [n, K], NaN where one does not apply."""
+        return self.world.indicators(self.done)
 
     @cached_property
     def inside(self) -> np.ndarray:
-        """Membership, [n, 22]."""
-        return people.encode(self.codes).astype(float)
+        """Membership, [n, G]."""
+        return self.world.scheme.inside(self.done.codes)
 
     @cached_property
     def counts(self) -> issues.Counts:
@@ -49,7 +46,7 @@ class Epoch:
     @cached_property
     def scores(self) -> issues.Scores:
         """Of these services (Eq. 1 and 2)."""
-        return issues.scores_of(self.counts, people.GROUPS, ISSUES)
+        return issues.scores_of(self.counts, self.world.groups, self.world.scheme.issue_names)
 
     @cached_property
     def verdict(self) -> WindowVerdict:
@@ -62,38 +59,22 @@ class Epoch:
         return bool(self.verdict.biased)
 
 
-def judged_by(done: serve.Services, codes: np.ndarray, detector: Detector) -> Epoch:
+def judged_by(world: World, done: serve.Services, detector: Detector | None) -> Epoch:
     """Finished services, to be judged by a detector when somebody asks.
 
     Args:
+        world: where they were given.
         done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
-        detector: judges them.
+        detector: judges them; without one they are called not biased.
     """
 
     def judge(scores: issues.Scores) -> WindowVerdict:
+        if detector is None:
+            none = np.zeros((1, scores.overall.shape[-1]), bool)
+            return WindowVerdict(np.array(False), np.full(1, np.nan), none, np.array(-1))
+        rows = [scores.issues.index(name) for name in detector.issues]
         # only what the detector was taught: each identity more raises the false alarms
-        return detector.judge_window(
-            {name: scores.by_identity[name] for name in detector.identities}
-        )
+        taught = [name for name in detector.identities if name in scores.by_identity]
+        return detector.judge_window({name: scores.by_identity[name][..., rows] for name in taught})
 
-    return Epoch(done, codes, judge)
-
-
-class _Columns:
-    """Facts as rules read them, without a table in between."""
-
-    def __init__(self, facts: Facts) -> None:
-        answered = facts.responded
-        self._columns = {
-            "responded": answered.astype(float),
-            "response_step": np.where(answered, facts.steps, np.nan),
-            "response_distance": np.where(answered, facts.distance, np.nan),
-            "min_distance": facts.min_distance,
-        }
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._columns
-
-    def fact(self, name: str) -> np.ndarray:
-        return self._columns[name]
+    return Epoch(world, done, judge)

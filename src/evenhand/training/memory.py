@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from evenhand.methods.beyond import guard, levelup, reflection
-from evenhand.methods.paper import issues
-from evenhand.restaurant import people
 from evenhand.training.rivals import base, methods
 from evenhand.training.settings import TrainSettings
 
 GUARD = guard.GuardSettings()
-_GROUPS, _ISSUES = len(people.GROUPS), len(issues.PAPER_ISSUES)
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,12 @@ class Past:
     @classmethod
     def empty(cls, settings: TrainSettings) -> Past:
         """Before the first epoch."""
-        identities = len(people.IDENTITIES)
+        groups, kinds = _sizes(settings)
+        identities = len(settings.world.identities)
         return cls(
-            levelup.Memory.empty(settings.guidance.weigh.windows, _GROUPS, _ISSUES),
-            guard.Guard.new(_GROUPS + 1, 1, GUARD),
-            reflection.Past.empty(identities, _ISSUES, settings.reflection),
+            levelup.Memory.empty(settings.guidance.weigh.windows, groups, kinds),
+            guard.Guard.new(groups + 1, 1, GUARD),
+            reflection.Past.empty(identities, kinds, settings.reflection),
             _rival_state(settings),
         )
 
@@ -67,7 +65,12 @@ class Past:
         )
 
 
+def _sizes(settings: TrainSettings) -> tuple[int, int]:
+    """How many groups and issues there are."""
+    return len(settings.world.groups), len(settings.world.issues)
+
+
 def _rival_state(settings: TrainSettings) -> Any:
     if settings.rival == "none":
         return None
-    return methods.strong(settings.rival, settings.rival_strength).begin(_GROUPS, _ISSUES)
+    return methods.strong(settings.rival, settings.rival_strength).begin(*_sizes(settings))

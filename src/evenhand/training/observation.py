@@ -10,22 +10,22 @@ from evenhand.training.policy import ActorCritic
 from evenhand.training.rivals import formulas
 from evenhand.training.settings import TrainSettings
 
-_CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
-_SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
-"""Of distance and time: a policy has to tell 1.0 m from 1.5 m, which in an observation are 0.2 and
-0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the services. The time
-likewise."""
+_CENTRE, _SCALE = (0.3, 0.3, 0.0), (6.0, 3.0, 1.0)
+"""Of distance, time and age, behind the groups: a policy has to tell 1.0 m from 1.5 m, which in an
+observation are 0.2 and 0.3. Spread out like this, 0.6 apart, they are learned in a fraction of the
+services. The time likewise."""
 
 
 def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
     """The actor with its view of observations, for services as machine code."""
-    actor, scale = policy.actor, _SCALE.copy()
+    actor = policy.actor
+    centre, scale = _numbers(len(settings.world.groups))
     if settings.unaware:
-        scale[: task.N_GROUPS] = 0.0
+        scale[: task.DISTANCE] = 0.0
     return Network(
         weights=tuple(np.array(w, np.float32) for w in actor.weights),
         biases=tuple(np.array(b, np.float32) for b in actor.biases),
-        centre=_CENTRE,
+        centre=centre,
         scale=scale,
         relu=actor.activation == "relu",
     )
@@ -36,10 +36,20 @@ def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
 
     Args:
         settings: of the run; ``unaware`` hides who is served.
-        observation: float32 [..., 25].
+        observation: float32 [..., G + 3].
 
     Returns:
         Of the same shape and type.
     """
-    out = (observation - _CENTRE) * _SCALE
-    return formulas.unaware(out, task.N_GROUPS) if settings.unaware else out
+    groups = observation.shape[-1] + task.DISTANCE
+    centre, scale = _numbers(groups)
+    out = (observation - centre) * scale
+    return formulas.unaware(out, groups) if settings.unaware else out
+
+
+def _numbers(groups: int) -> tuple[np.ndarray, np.ndarray]:
+    """What is taken from an observation of so many groups, and what it is multiplied by then."""
+    return (
+        np.array([*np.zeros(groups), *_CENTRE], np.float32),
+        np.array([*np.ones(groups), *_SCALE], np.float32),
+    )

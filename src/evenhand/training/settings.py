@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -10,9 +11,7 @@ import numpy as np
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods import guidance
 from evenhand.methods.beyond.reflection import ReflectionSettings
-from evenhand.restaurant import scenarios
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import task
+from evenhand.restaurant import worlds
 from evenhand.training.policy import PolicySettings
 from evenhand.training.rivals import methods
 from evenhand.training.update import UpdateSettings
@@ -38,7 +37,7 @@ class TrainSettings:
     """Services in one epoch."""
 
     scenario: str = "even"
-    """Where unevenness comes from, see ``scenarios``; several are joined by a plus."""
+    """Where unevenness comes from, see ``worlds``; several are joined by a plus."""
 
     population: str | None = None
     """Where people are drawn from; none means that of the scenario."""
@@ -73,21 +72,10 @@ class TrainSettings:
     policy: PolicySettings = field(default_factory=PolicySettings)
     """The network."""
 
-    task: task.TaskSettings = field(default_factory=task.TaskSettings)
-    """How often it decides."""
-
-    sense: sensing.SenseSettings = field(default_factory=sensing.SenseSettings)
-    """The distance sensor."""
-
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise unknown("preset", self.preset, PRESETS)
-        self.world  # noqa: B018 - a wrong scenario or population is said at once
-        if self.sense.perception:
-            raise InputError(
-                f"sense.perception is {self.sense.perception}: how sensing depends on the person "
-                "is said by the scenario, so name the scenario perception instead"
-            )
+        _ = self.world, self.tau  # what is wrong with them is said at once
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
@@ -97,21 +85,29 @@ class TrainSettings:
         if not 0.0 <= self.threshold < np.inf:
             raise InputError(f"threshold is {self.threshold}: give 0 or more")
 
-    @property
-    def world(self) -> scenarios.Scenario:
-        """The scenario, with the population that was chosen."""
-        found = scenarios.scenario(self.scenario)
-        return found if self.population is None else replace(found, population=self.population)
+    @cached_property
+    def world(self) -> worlds.World:
+        """Of the scenario, with the population that was chosen."""
+        return worlds.scenario(self.scenario, self.population)
 
-    @property
-    def sensor(self) -> sensing.SenseSettings:
-        """The distance sensor in this scenario."""
-        return replace(self.sense, perception=self.world.perception)
+    def elsewhere(self, scenario: str | None, population: str | None) -> worlds.World:
+        """Where to test what was trained; what is None is as in training."""
+        if scenario is None:
+            scenario, population = self.scenario, population or self.population
+        return worlds.scenario(scenario, population)
 
-    @property
-    def needs(self) -> needs.NeedSettings:
-        """Who needs another service in this scenario."""
-        return needs.NeedSettings(self.world.needs)
+    @cached_property
+    def tau(self) -> tuple[float, ...]:
+        """Weight of each issue in Eq. 4."""
+        told, issues = self.guidance.tau, self.world.scheme.issue_names
+        if len(told) == len(issues):
+            return told
+        if told != guidance.TAU["equal"]:
+            raise InputError(
+                f"tau is {told}, and scenario {self.scenario!r} has {len(issues)} issues "
+                f"({', '.join(issues)}): leave tau out, and they weigh alike"
+            )
+        return (1.0,) * len(issues)
 
     def _check_method(self) -> None:
         if self.rival != "none":
