@@ -100,7 +100,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
         each = [(x.seconds / x.services) / (y.seconds / y.services) for x, y in pairs]
         return round(float(np.median(each)), 2)
 
-    driven = 1000 * first.decisions / first.services * settings.task.interval
+    driven = 1000 * first.decisions / first.services * settings.world.interval
     return {
         "sb3_physics_s": round(driven / float(np.median(rates)), 2),
         "sb3_ratio": ratio("sync", "evenhand"),
@@ -180,7 +180,7 @@ def _evenhand(settings: TrainSettings) -> Turn:
     # a service that is answered ends by a decision in which nobody drives
     services = settings.people * settings.epochs
     steps = settings.epochs * settings.update.passes * settings.update.minibatches
-    return Turn(spent, services, physics // settings.task.interval + services, steps)
+    return Turn(spent, services, physics // settings.world.interval + services, steps)
 
 
 def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided: bool) -> Turn:

@@ -168,7 +168,7 @@ def served(disabled: np.ndarray) -> Interactions:
     codes = np.zeros((n, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
     return Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(people.IDENTITIES)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": ~disabled,
             "response_step": np.ma.array(np.full(n, 100), mask=disabled),

@@ -109,7 +109,7 @@ class Card:
 
         settings, state = inputs.load_policy(self.file)
         about = self._about(settings, int(state.step))
-        population = settings.world.population
+        population = settings.world.people.name
         trial: Trial | None = None
         if self.services:
             table = evaluate.serve_policy(state, settings, self.services, self.seed)
@@ -134,7 +134,7 @@ class Card:
             settings=noted["settings"],
             versions=noted["versions"],
             epochs=epochs,
-            population=settings.world.population,
+            population=settings.world.people.name,
             judge=f"{judge.rows} judgements by {judge.source}",
             command=repeating(settings, shipped),
             last=lines[epochs - 1],

@@ -19,4 +19,5 @@ Plugin = Annotated[
         help_behavior_hint=OPTIONAL,
     ),
 ]
+Scenario = Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)]
 Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]

@@ -69,6 +69,9 @@ class Train:
     """Where unevenness comes from: even, prejudiced, perception, minority, tips, everyday.
     Several are joined by a plus: perception+tips."""
 
+    policy: Annotated[str, arg(metavar="NAME")] = "mlp"
+    """Which network serves: mlp, or one of your own (`evenhand.register_policy`)."""
+
     tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
     """Weights of willingness, quality, priority and risk in Eq. 4 and in self-reflection.
     By name: equal, risk_first, willingness_first, risk_then_willingness.
@@ -90,7 +93,8 @@ class Train:
 
     detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
     """Detector that judges every epoch, from `evenhand detect fit`.
-    Without it: the one that comes along, fitted to simulated respondents."""
+    Without it: the one that comes along, fitted to simulated respondents, where it knows the
+    scenario's issues and identities; else no epoch is called biased."""
 
     threads: int = CORES
     """Threads that step the physics; the run is the same to the last bit on any number."""
@@ -118,8 +122,11 @@ class Train:
 
         set_up_jax()
         settings = self.settings()
-        judge = inputs.load_detector(self.detector)
-        train.check_detector(judge)
+        if self.detector is None:
+            judge = train.shipped_detector(settings)
+        else:
+            judge = inputs.load_detector(self.detector)
+            train.check_detector(judge, settings)
         with loggers.opened(self.log or (), self.out) as note, terminal.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
 
@@ -155,5 +162,9 @@ class Train:
             population=self.population,
         )
         return replace(
-            base, people=self.people, tau=inputs.parse_tau(self.tau), scenario=self.scenario
+            base,
+            people=self.people,
+            tau=inputs.parse_tau(self.tau),
+            scenario=self.scenario,
+            policy=replace(base.policy, kind=self.policy),
         )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import subprocess
 from collections.abc import Iterable
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from typing import Any
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
-from evenhand.restaurant.scenarios import Scenario
 from evenhand.training import checkpoint, run_folder
 
 Origin = dict[str, Any]
@@ -42,11 +40,6 @@ def heading(made: Origin, command: str) -> dict[str, Any]:
         "command": command,
         "commit": made["commit"],
     }
-
-
-def world(scenario: Scenario) -> dict[str, Any]:
-    """How uneven a scenario is, as JSON holds it: its name alone does not say."""
-    return asdict(scenario)
 
 
 @functools.cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evenhand.methods.scheme import Identity, paper_scheme
+from evenhand.methods.scheme import paper_scheme
 from evenhand.restaurant import people
 
-SCHEME = paper_scheme([Identity(one.name, one.categories) for one in people.IDENTITIES])
+SCHEME = paper_scheme(people.IDENTITIES)

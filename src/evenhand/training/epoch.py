@@ -6,25 +6,19 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from evenhand.methods.guard import Guard, Watch
-from evenhand.methods.paper import issues, losses
+from evenhand.methods.paper import losses
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.epoch import Epoch, judge_of
-from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import tips
-from evenhand.restaurant.scheme import SCHEME
 from evenhand.restaurant.simulation import serve
-from evenhand.restaurant.simulation.lanes import Facts
 from evenhand.statistics import chance
 from evenhand.training.settings import TrainSettings
-
-ISSUES = SCHEME.issue_names
 
 
 def epoch_of(
     settings: TrainSettings,
     done: serve.Services,
-    codes: np.ndarray,
-    detector: Detector,
+    detector: Detector | None,
     value: ArrayLike,
     guard: Guard,
     number: int = 0,
@@ -34,8 +28,7 @@ def epoch_of(
     Args:
         settings: of the run.
         done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
-        detector: judges them, by what it was taught.
+        detector: judges them, by what it was taught; None where none knows this world.
         value: of the critic at every decision, [n, L].
         guard: before these services.
         number: of the epoch.
@@ -43,20 +36,22 @@ def epoch_of(
     Returns:
         The epoch, and what becomes of the guard.
     """
-    x = issues.indicators(_Columns(done.facts))
-    inside = people.encode(codes).astype(float)
-    watch = Watch(guard, x, inside)
+    world, scheme = settings.world, settings.world.scheme
+    x, inside = world.indicators(done), scheme.inside(done.codes)
+    facts, watch = done.facts, Watch(guard, x, inside)
     epoch = Epoch(
         x=x,
         inside=inside,
-        reward=tips.reward(settings.world.tips, codes, done.facts.terms, done.facts.steps),
+        reward=tips.reward(world.tips, world.known(done.codes), facts.terms, facts.steps),
         mask=done.mask,
-        groups=people.GROUPS,
-        issues=ISSUES,
+        groups=scheme.groups,
+        issues=scheme.issue_names,
         tau=np.array(settings.tau),
         advantages_of=lambda rewards: over_decisions(settings, done.mask, value, rewards),
-        excess_of=excess,
-        judge=judge_of(detector, detector.identities),
+        excess_of=lambda counts: float(
+            chance.excess_scores(counts, scheme.groups, scheme.issue_names).total
+        ),
+        judge=judge_of(detector, () if detector is None else detector.identities),
         guard=watch,
         number=number,
     )
@@ -73,27 +68,3 @@ def over_decisions(
     reward[np.arange(len(last)), last] = rewards
     chosen = settings.update
     return np.asarray(losses.gae(reward, values, mask, chosen.gamma, chosen.gae_lambda))
-
-
-def excess(counts: issues.Counts) -> float:
-    """Total issue score without what chance alone gives."""
-    return float(chance.excess_scores(counts, people.GROUPS, ISSUES).total)
-
-
-class _Columns:
-    """Facts as rules read them, without a table in between."""
-
-    def __init__(self, facts: Facts) -> None:
-        answered = facts.responded
-        self._columns = {
-            "responded": answered.astype(float),
-            "response_step": np.where(answered, facts.steps, np.nan),
-            "response_distance": np.where(answered, facts.distance, np.nan),
-            "min_distance": facts.min_distance,
-        }
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._columns
-
-    def fact(self, name: str) -> np.ndarray:
-        return self._columns[name]

@@ -8,7 +8,6 @@ from typing import Any
 from evenhand.methods import guidance
 from evenhand.methods.beyond import reflection
 from evenhand.methods.guard import GUARD, Guard
-from evenhand.restaurant.scheme import SCHEME
 from evenhand.training.settings import TrainSettings
 
 
@@ -29,9 +28,10 @@ class Memory:
     @classmethod
     def begin(cls, settings: TrainSettings) -> Memory:
         """Before the first epoch."""
-        groups, issues = len(SCHEME.groups), len(SCHEME.issues)
+        scheme = settings.world.scheme
+        groups, issues = len(scheme.groups), len(scheme.issues)
         return cls(
             Guard.new(groups + 1, 1, GUARD),
-            reflection.Past.empty(len(SCHEME.identities), issues, settings.reflection),
-            guidance.begin(settings.method, SCHEME),
+            reflection.Past.empty(len(scheme.identities), issues, settings.reflection),
+            guidance.begin(settings.method, scheme),
         )

@@ -15,13 +15,14 @@ from evenhand.training.settings import TrainSettings
 
 def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
     """The actor with its view of observations, for services as machine code."""
-    actor, scale = policy.actor, observed.SCALE.copy()
+    actor = policy.actor
+    centre, scale = observed.numbers(len(settings.world.groups))
     if _blind(settings):
-        scale[: task.N_GROUPS] = 0.0
+        scale[: task.DISTANCE] = 0.0
     return Network(
         weights=tuple(np.array(w, np.float32) for w in actor.weights),
         biases=tuple(np.array(b, np.float32) for b in actor.biases),
-        centre=observed.CENTRE,
+        centre=centre,
         scale=scale,
         relu=actor.activation == "relu",
     )
@@ -32,13 +33,13 @@ def view(settings: TrainSettings, observation: np.ndarray) -> np.ndarray:
 
     Args:
         settings: of the run; some methods hide who is served.
-        observation: float32 [..., 25].
+        observation: float32 [..., G + 3].
 
     Returns:
         Of the same shape and type.
     """
     out = observed.scale(observation)
-    return unaware(out, task.N_GROUPS) if _blind(settings) else out
+    return unaware(out, observation.shape[-1] + task.DISTANCE) if _blind(settings) else out
 
 
 def _blind(settings: TrainSettings) -> bool:

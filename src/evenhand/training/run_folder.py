@@ -26,8 +26,9 @@ from evenhand.core.errors import InputError
 from evenhand.methods import detector_file, registry
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Interactions
+from evenhand.restaurant import worlds
 from evenhand.restaurant.simulation.recording import Recording
-from evenhand.training import checkpoint, recordings, train
+from evenhand.training import checkpoint, policy, recordings, train
 from evenhand.training.checkpoint import State
 from evenhand.training.memory import Memory
 from evenhand.training.settings import TrainSettings
@@ -65,10 +66,20 @@ def as_dict(settings: Any) -> dict[str, Any]:
     return {field.name: plain[field.name] for field in dataclasses.fields(settings)}
 
 
+def sources(settings: TrainSettings) -> dict[str, str]:
+    """Fingerprints of files that are not Evenhand's own and decide what a run does."""
+    return worlds.sources(settings.scenario) | policy.sources(settings.policy.kind)
+
+
+def fingerprint(settings: TrainSettings) -> str:
+    """Of the settings of a run, and of the files of others that they name."""
+    return checkpoint.fingerprint(as_dict(settings) | sources(settings))
+
+
 def execute(
     folder: str | os.PathLike[str],
     settings: TrainSettings,
-    detector: Detector,
+    detector: Detector | None,
     *,
     every: int = CHECKPOINT_EVERY,
     progress: Progress | None = None,
@@ -80,7 +91,7 @@ def execute(
     Args:
         folder: of this run; made if it does not exist.
         settings: of the run.
-        detector: judges every epoch.
+        detector: judges every epoch, if there is one.
         every: epochs between checkpoints.
         progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
             the other numbers of every new epoch.
@@ -94,13 +105,14 @@ def execute(
         InputError: when the detector judges something else, or the folder cannot be written, is in
             use, holds another run, or a file of it is missing or damaged.
     """
-    train.check_detector(detector)
+    train.check_detector(detector, settings)
     root = files.make_folder(folder)
     with files.locked(root):
         files.sweep(root)
         prints = {
             "settings": checkpoint.fingerprint(as_dict(settings)),
-            "detector": checkpoint.fingerprint(as_dict(detector)),
+            "detector": "none" if detector is None else checkpoint.fingerprint(as_dict(detector)),
+            **sources(settings),
         }
         _claim(root, settings, detector, prints)
         state, rng, first, memory = _resume(root, settings, prints)
@@ -260,14 +272,18 @@ def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
     return kind(**values)
 
 
-def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict[str, str]) -> None:
+def _claim(
+    root: Path, settings: TrainSettings, detector: Detector | None, prints: dict[str, str]
+) -> None:
     path = root / "settings.json"
     if path.exists():
         noted = _noted(path)
         _from_dict(TrainSettings, noted["settings"], path)  # another version's are no other run
         differs = files.differences(noted["settings"], as_dict(settings))
         if not differs and noted["fingerprints"] != prints:
-            differs = "another detector"
+            names = {*prints, *noted["fingerprints"]} - {"settings"}
+            other = [n for n in sorted(names) if noted["fingerprints"].get(n) != prints.get(n)]
+            differs = f"another {other[0]}"
         if differs:
             raise InputError(
                 f"{root} holds another run ({differs}): give another folder, or delete this one"
@@ -277,7 +293,7 @@ def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict
     else:
         noted = {"settings": as_dict(settings), "fingerprints": prints, "versions": versions()}
         files.write_json(path, noted | {"seed": settings.seed})
-    if not (root / "detector.json").exists():
+    if detector is not None and not (root / "detector.json").exists():
         detector_file.save(detector, root / "detector.json")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -11,9 +12,7 @@ from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
 from evenhand.methods.paper import rewards
-from evenhand.restaurant import scenarios
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import task
+from evenhand.restaurant import worlds
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import UpdateSettings
 
@@ -38,7 +37,7 @@ class TrainSettings:
     """Services in one epoch."""
 
     scenario: str = "even"
-    """Where unevenness comes from, see ``scenarios``; several are joined by a plus."""
+    """Where unevenness comes from, see ``worlds``; several are joined by a plus."""
 
     population: str | None = None
     """Where people are drawn from; none means that of the scenario."""
@@ -49,8 +48,8 @@ class TrainSettings:
     method: Any = "penalty"
     """The way to serve: NAME, NAME@STRENGTH or an object, see ``methods.registry``."""
 
-    tau: tuple[float, float, float, float] = rewards.TAU["equal"]
-    """Weight of each issue, in evenness and in self-reflection."""
+    tau: tuple[float, ...] = rewards.TAU["equal"]
+    """Weight of each issue, in evenness and in self-reflection; all alike by default."""
 
     reflect: bool = True
     """Examine every update along the bias gradient."""
@@ -64,23 +63,11 @@ class TrainSettings:
     policy: PolicySettings = field(default_factory=PolicySettings)
     """The network."""
 
-    task: task.TaskSettings = field(default_factory=task.TaskSettings)
-    """How often it decides."""
-
-    sense: sensing.SenseSettings = field(default_factory=sensing.SenseSettings)
-    """The distance sensor."""
-
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise unknown("preset", self.preset, PRESETS)
-        self.world  # noqa: B018 - a wrong scenario or population is said at once
-        if self.sense.perception:
-            raise InputError(
-                f"sense.perception is {self.sense.perception}: how sensing depends on the person "
-                "is said by the scenario, so name the scenario perception instead"
-            )
         object.__setattr__(self, "method", registry.as_method(self.method))
-        rewards.check_tau(self.tau)
+        object.__setattr__(self, "tau", self._tau())  # a wrong scenario is said here, too
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
@@ -88,21 +75,27 @@ class TrainSettings:
         if not 0.0 <= self.threshold < np.inf:
             raise InputError(f"threshold is {self.threshold}: give 0 or more")
 
-    @property
-    def world(self) -> scenarios.Scenario:
-        """The scenario, with the population that was chosen."""
-        found = scenarios.scenario(self.scenario)
-        return found if self.population is None else replace(found, population=self.population)
+    @cached_property
+    def world(self) -> worlds.World:
+        """Of the scenario, with the population that was chosen."""
+        return worlds.scenario(self.scenario, self.population)
 
-    @property
-    def sensor(self) -> sensing.SenseSettings:
-        """The distance sensor in this scenario."""
-        return replace(self.sense, perception=self.world.perception)
+    def elsewhere(self, scenario: str | None, population: str | None) -> worlds.World:
+        """Where to test what was trained; what is None is as in training."""
+        if scenario is None:
+            scenario, population = self.scenario, population or self.population
+        return worlds.scenario(scenario, population)
 
-    @property
-    def needs(self) -> needs.NeedSettings:
-        """Who needs another service in this scenario."""
-        return needs.NeedSettings(self.world.needs)
+    def _tau(self) -> tuple[float, ...]:
+        issues = self.world.scheme.issue_names
+        if tuple(self.tau) == rewards.TAU["equal"]:
+            return (1.0,) * len(issues)
+        if len(self.tau) != len(issues):
+            raise InputError(
+                f"tau is {self.tau}, and scenario {self.scenario!r} has {len(issues)} issues "
+                f"({', '.join(issues)}): leave tau out, and they weigh alike"
+            )
+        return tuple(rewards.check_tau(self.tau, len(issues)).tolist())
 
     def _check_method(self) -> None:
         if self.preset == "paper" and not hasattr(self.method, "alone"):

@@ -15,8 +15,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.core.processes import Stage, Task, Tell, run_all
@@ -34,12 +32,8 @@ from evenhand.experiments.comparison.settings import (
 )
 from evenhand.experiments.paper.tables import write
 from evenhand.experiments.settings import TEST_SEED
-from evenhand.methods import detector_file
-from evenhand.methods.services import Interactions
-from evenhand.restaurant import people, robots, scenarios
-from evenhand.restaurant.simulation import layout, serve
-from evenhand.restaurant.simulation.lanes import Lanes
-from evenhand.training import checkpoint, evaluate, run_folder, train
+from evenhand.restaurant import worlds
+from evenhand.training import evaluate, run_folder, train
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -63,8 +57,10 @@ def compare(
             or holds another experiment, or runs of other versions.
     """
     fixed = {"epochs": settings.epochs, "services": settings.services}
-    for cell in settings.cells():
-        training_of(cell, settings.epochs)  # a wrong strength is said before anything is written
+    for cell in settings.cells():  # what is wrong is said before anything is written
+        chosen = training_of(cell, settings.epochs)
+        if cell.arm == "reference":
+            chosen.world.robot_to_compare_with()
     earlier = None
     if settings.earlier is not None:
         prints = partial(fingerprint_of, epochs=settings.epochs)
@@ -128,12 +124,12 @@ def training_of(cell: Cell, epochs: int) -> TrainSettings:
 def fingerprint_of(arm: str, epochs: int) -> str:
     """Of an arm's settings, whatever the scenario, the algorithm and the seed."""
     settings = training_of(Cell("even", "ppo", arm, 0), epochs)
-    return checkpoint.fingerprint(run_folder.as_dict(settings))
+    return run_folder.fingerprint(settings)
 
 
 def key_of(cell: Cell, epochs: int, services: int) -> str:
     """What a finished run was: under another key it does not count, and is done again."""
-    training = checkpoint.fingerprint(run_folder.as_dict(training_of(cell, epochs)))
+    training = run_folder.fingerprint(training_of(cell, epochs))
     return f"{epochs} epochs, {services} services, settings {training}"
 
 
@@ -179,13 +175,13 @@ def learn_and_serve(
         state = run_folder.execute(
             folder,
             settings,
-            detector_file.load(detector_file.SHIPPED),
+            train.shipped_detector(settings),
             progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
         )
         table = evaluate.serve_policy(state, settings, services, seed)
         biased = sum(line["biased_detector"] for line in run_folder.read_epochs(folder))
     elif method == "reference":
-        table = serve_reference(settings, services, seed)
+        table = evaluate.serve_reference(settings.world, services, seed)
     else:
         table = evaluate.serve_policy(train.begin(settings), settings, services, seed)
     files.make_folder(folder)
@@ -193,38 +189,10 @@ def learn_and_serve(
     return test, int(table.fact("steps").sum())
 
 
-def serve_reference(settings: TrainSettings, services: int, seed: int) -> Interactions:
-    """Serve people with the scripted robot that makes up for a scenario.
-
-    Args:
-        settings: name the scenario, and with it people, sensor and needs.
-        services: how many people.
-        seed: of people, places and readings.
-    """
-    world = settings.world
-    rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(world.population), services, rng)
-    done = serve.serve(
-        Lanes(min(evaluate.LANES, services), settings.task),
-        setups,
-        robots.reference(world),
-        rng,
-        settings.sensor,
-        settings.needs,
-    )
-    return serve.record(
-        done.facts,
-        setups.asking,
-        epoch=np.arange(services) // evaluate.WINDOW,
-        scenario=settings.scenario,
-        robot="reference",
-    )
-
-
 def surroundings(cell: Cell) -> provenance.Origin:
     """What a run depends on beside its settings: what its scenario means, and who judges."""
     return {
-        "world": provenance.world(scenarios.scenario(cell.scenario)),
+        "world": worlds.scenario(cell.scenario).described(),
         "detector": provenance.shipped_detector(),
     }
 

@@ -12,7 +12,7 @@ from evenhand.experiments import provenance
 from evenhand.experiments.comparison import earlier as compare_earlier
 from evenhand.experiments.comparison.settings import Cell, CompareSettings, place
 from evenhand.experiments.settings import TEST_SEED
-from evenhand.restaurant import scenarios
+from evenhand.restaurant import worlds
 from evenhand.training import evaluate
 
 
@@ -53,7 +53,7 @@ def write(
             "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
             "earlier": earlier.manifest if earlier else None,
             "scenarios": places,
-            "worlds": {name: provenance.world(scenarios.scenario(name)) for name in places},
+            "worlds": {name: worlds.scenario(name).described() for name in places},
             "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
             "arms": arms,
             "fingerprints": {arm: prints[arm] for arm in arms},

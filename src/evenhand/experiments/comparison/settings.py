@@ -12,7 +12,7 @@ from evenhand.experiments.settings import SERVICES, WORKERS
 from evenhand.methods import registry
 
 SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
-"""All scenarios, as ``scenarios`` knows them."""
+"""Those of Evenhand, as ``worlds`` registers them."""
 ALGORITHMS = ("ppo", "reinforce")
 """What learns."""
 NO_ALGORITHM = "none"
@@ -87,14 +87,14 @@ def checked(cell: Cell) -> Cell:
         InputError: for an unknown scenario, algorithm or arm, or an algorithm that does not go
             with the arm.
     """
-    from evenhand.restaurant import scenarios  # brings the physics along
+    from evenhand.restaurant import worlds  # brings the physics along
 
     method, strength = method_of(cell.arm)
     algorithms = ALGORITHMS if learns(method) else (NO_ALGORITHM,)
     if cell.algorithm not in algorithms:
         raise unknown(f"algorithm of arm {cell.arm}", cell.algorithm, algorithms)
     arm = arm_of(method, strength)
-    return replace(cell, scenario=scenarios.ordered(cell.scenario), arm=arm)
+    return replace(cell, scenario=worlds.ordered(cell.scenario), arm=arm)
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,9 @@ class CompareSettings:
     """Processes that work at the same time."""
 
     def __post_init__(self) -> None:
-        from evenhand.restaurant import scenarios  # brings the physics along
+        from evenhand.restaurant import worlds  # brings the physics along
 
-        one_way = {"scenarios": scenarios.ordered, "arms": lambda name: arm_of(*method_of(name))}
+        one_way = {"scenarios": worlds.ordered, "arms": lambda name: arm_of(*method_of(name))}
         for kind in ("scenarios", "arms", "algorithms"):
             names = getattr(self, kind)
             one = kind.removesuffix("s")

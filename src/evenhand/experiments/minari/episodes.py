@@ -45,7 +45,7 @@ class Server:
 
 def trained(state: LearnerState, settings: TrainSettings, population: str | None = None) -> Server:
     """The robot of a run, which acts by chance as in training, in the world of its training."""
-    sensor = settings.sensor
+    world = settings.elsewhere(None, population)
     guidance = registry.name_of(settings.method)
     step = int(state.step)
     return Server(
@@ -56,12 +56,8 @@ def trained(state: LearnerState, settings: TrainSettings, population: str | None
             f"{settings.scenario}, seed {settings.seed})"
         ),
         world={
-            "population": population or settings.world.population,
-            "interval": settings.task.interval,
-            "noise": sensor.noise,
-            "dropout": sensor.dropout,
-            "perception": sensor.perception,
-            "needs": settings.needs.strength,
+            name: getattr(world, name)
+            for name in ("population", "interval", "noise", "dropout", "perception", "needs")
         },
         robot=lambda asking, rngs: train.robot(settings, state.policy),
         facts={

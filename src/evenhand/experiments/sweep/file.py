@@ -28,7 +28,7 @@ from evenhand.experiments.comparison.settings import (
 from evenhand.experiments.settings import SERVICES
 from evenhand.experiments.sweep import settings as sweep_settings
 from evenhand.experiments.sweep.settings import Job, Sweep, Value, Variant
-from evenhand.restaurant import people, scenarios
+from evenhand.restaurant import people, worlds
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import UpdateSettings
 
@@ -224,7 +224,7 @@ def _name(kind: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def _scenario(value: Any) -> str:
-    return scenarios.ordered(_text("scenario", value))
+    return worlds.ordered(_text("scenario", value))
 
 
 def _arm(value: Any) -> str:

@@ -103,10 +103,20 @@ class Epoch:
         return 1.0 if self.guard is None else self.guard.weight
 
 
-def judge_of(detector: Detector, identities: Sequence[str]) -> Judge:
-    """What a detector says of scores by some identities; each one more raises false alarms."""
+def judge_of(detector: Detector | None, identities: Sequence[str]) -> Judge:
+    """What a detector says of scores by some identities; each one more raises false alarms.
+
+    Args:
+        detector: without one nothing is called biased.
+        identities: those that the scores have are judged.
+    """
 
     def judge(scores: issues.Scores) -> WindowVerdict:
-        return detector.judge_window({name: scores.by_identity[name] for name in identities})
+        if detector is None:
+            none = np.zeros((1, scores.overall.shape[-1]), bool)
+            return WindowVerdict(np.array(False), np.full(1, np.nan), none, np.array(-1))
+        rows = [list(scores.issues).index(name) for name in detector.issues]
+        known = [name for name in identities if name in scores.by_identity]
+        return detector.judge_window({name: scores.by_identity[name][..., rows] for name in known})
 
     return judge
