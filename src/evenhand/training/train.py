@@ -16,7 +16,7 @@ import numpy as np
 
 from evenhand.core import forks
 from evenhand.core.errors import InputError
-from evenhand.methods import detector_file, guard
+from evenhand.methods import detector_file, guard, registry
 from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
