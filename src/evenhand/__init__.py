@@ -10,9 +10,12 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "AuditSettings": "evenhand.audits.judge.results",
     "Detector": "evenhand.methods.paper.detector",
+    "Fact": "evenhand.methods.scheme",
     "Guidance": "evenhand.methods.guidance",
+    "Identity": "evenhand.methods.vocabulary",
     "InputError": "evenhand.core.errors",
     "Interactions": "evenhand.methods.services",
+    "Issue": "evenhand.methods.paper.issues",
     "JudgeServices": "evenhand.adapters",
     "JudgeVectorServices": "evenhand.adapters",
     "RestaurantEnv": "evenhand.restaurant.env",
@@ -23,13 +26,18 @@ _PUBLIC = {
     "ScriptedRobot": "evenhand.restaurant.robots",
     "Thresholds": "evenhand.methods.paper.issues",
     "TrainSettings": "evenhand.training.settings",
+    "World": "evenhand.restaurant.worlds",
     "audit": "evenhand.audits.api",
+    "compare": "evenhand.experiments.api",
+    "evaluate": "evenhand.experiments.api",
     "load_detector": "evenhand.methods.detector_file",
     "load_plugin": "evenhand.core.plugins",
     "method": "evenhand.methods.registry",
     "paper_issues": "evenhand.methods.paper.issues",
+    "register_policy": "evenhand.training.policy",
+    "register_scenario": "evenhand.restaurant.worlds",
     "score": "evenhand.methods.paper.issues",
-    "train": "evenhand.training.train",
+    "train": "evenhand.experiments.api",
 }
 """Public name -> where it lives; imported when first asked for: `import evenhand` is light."""
 
@@ -41,3 +49,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'evenhand' has no attribute {name!r}")
     module = importlib.import_module(_PUBLIC[name])
     return getattr(module, "load" if name == "load_detector" else name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

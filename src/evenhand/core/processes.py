@@ -11,11 +11,12 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing import connection, resource_tracker
 from typing import Any, Literal
@@ -282,12 +283,25 @@ class _Crew:
         resource_tracker.ensure_running()
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # it is inherited
         try:
-            process.start()
+            with _no_script():
+                process.start()
             self._processes[ours] = process
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         return ours
+
+
+@contextmanager
+def _no_script() -> Iterator[None]:
+    """A process that starts meanwhile does not run the user's script again, guarded or not."""
+    main = vars(sys.modules["__main__"])
+    hidden = {name: main.pop(name) for name in ("__spec__", "__file__") if name in main}
+    main["__spec__"] = None
+    try:
+        yield
+    finally:
+        main |= hidden
 
 
 def _work(line: connection.Connection) -> None:

@@ -20,7 +20,7 @@ from rich.progress import (
 from rich.table import Column, Table
 from rich.text import Text
 
-from evenhand.core.processes import Tell
+from evenhand.core.processes import Stage, Tell
 
 _WIDE = 200
 """Columns of a table where no terminal sets the limit."""
@@ -82,6 +82,12 @@ def stages() -> Iterator[Stages]:
         disable=not console.is_terminal,
     ) as progress:
         yield Stages(progress)
+
+
+@contextlib.contextmanager
+def silent() -> Iterator[Stage]:
+    """Show no progress while inside."""
+    yield lambda name, units: lambda done, numbers: None
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:

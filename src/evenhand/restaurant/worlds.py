@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from evenhand.core import source
+from evenhand.core import plugins, source
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.scheme import Fact, Scheme, paper_facts
@@ -28,6 +28,8 @@ from evenhand.restaurant.scenarios.sensing import SenseSettings
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.simulation.task import TaskSettings, observation_size
 
+GROUP = "evenhand.scenarios"
+"""Entry point by which packages bring scenarios."""
 HOUSE_FACTS = (
     *paper_facts(),
     Fact("steps", int, least=0),
@@ -264,6 +266,7 @@ class _Registered:
     world: World | Callable[[], World]
     reference: AnyRobot | None
     source: str | None
+    of_session: bool
 
 
 _SCENARIOS: dict[str, _Registered] = {}
@@ -286,14 +289,20 @@ def register_scenario(
     source.check_name("scenario", name, _SCENARIOS)
     if not (isinstance(world, World) or callable(world)):
         raise InputError(f"scenario {name!r}: world is {world!r}: give a World or a function")
-    caller = sys._getframe(1).f_globals.get("__file__")
-    text = source.source_hash(caller, *map(source.file_of, (world, reference)))
-    _SCENARIOS[name] = _Registered(world, reference, text)
+    caller = sys._getframe(1).f_globals
+    text = source.source_hash(caller.get("__file__"), *map(source.file_of, (world, reference)))
+    _SCENARIOS[name] = _Registered(world, reference, text, caller["__name__"] == "__main__")
 
 
 def names() -> tuple[str, ...]:
     """Of all scenarios, those of Evenhand first."""
+    plugins.ready(GROUP)
     return tuple(_SCENARIOS)
+
+
+def of_session(name: str) -> bool:
+    """Whether the running script or session registered a scenario: no other process knows it."""
+    return _SCENARIOS[name].of_session
 
 
 def sources(name: str) -> dict[str, str]:
@@ -331,7 +340,7 @@ def scenario(name: str, population: str | None = None) -> World:
     """
     parts = name.split("+")
     for one in parts:
-        if one not in _SCENARIOS:
+        if one not in names():
             raise unknown("scenario", one, _SCENARIOS)
     if len(set(parts)) < len(parts):
         raise InputError(f"scenario {name!r} names one of them twice: drop one")

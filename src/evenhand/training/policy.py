@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import expit
 
-from evenhand.core import forks
+from evenhand.core import forks, plugins
 from evenhand.core.errors import InputError, unknown
 from evenhand.core.source import check_name, file_of, source_hash
 
@@ -60,7 +60,7 @@ class PolicySettings:
     decisions on average (2.3 s at 10 Hz) and meets every distance from the start to the person."""
 
     def __post_init__(self) -> None:
-        if self.kind not in _POLICIES:
+        if self.kind not in names():
             raise unknown("policy", self.kind, _POLICIES)
         layers, units = MOST_HIDDEN
         if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
@@ -97,6 +97,8 @@ class _Registered(NamedTuple):
     source: str | None
 
 
+GROUP = "evenhand.policies"
+"""Entry point by which packages bring policies."""
 _POLICIES: dict[str, _Registered] = {}
 
 
@@ -118,6 +120,7 @@ def register_policy(name: str, make: Make) -> None:
 
 def names() -> tuple[str, ...]:
     """Of all kinds of policies."""
+    plugins.ready(GROUP)
     return tuple(_POLICIES)
 
 

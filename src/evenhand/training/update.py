@@ -69,7 +69,7 @@ class UpdateSettings:
 
     gamma: float | None = None
     """Discount from person to person (Eq. 6, preset paper) or from decision to decision (preset
-    service). None means 0.99 and 1: a service is short, and discounting would only pay for haste."""
+    service). None means 0.99 and 1: a service is short, discounting would only pay for haste."""
 
     gae_lambda: float = 0.95
     """Trace decay of generalised advantage estimates; 1 is reward-to-go minus the critic."""

@@ -62,17 +62,29 @@ def draw_all(rows: Sequence[Mapping[str, Any]], services: int) -> list[figures.D
             _low and _high; NaN where missing.
         services: in the test of every run.
     """
+    return [
+        figures.draw(_plate(algorithm, services), Results({"compare": part}, {}, []))
+        for algorithm, part in _parts(rows).items()
+    ]
+
+
+def figure_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """The wide figure of the first algorithm; rows as `draw_all`."""
+    return draw(next(iter(_parts(rows).values())), True)
+
+
+def _parts(rows: Sequence[Mapping[str, Any]]) -> dict[str, Table]:
+    """What is drawn of each algorithm."""
     columns = [f"{aim}{end}" for aim in _AIMS for end in _ENDS]
     names = ["scenario", "algorithm", "arm", "seeds", *columns]
     data = table(
         names, [[row[name] for name in names] for row in rows if row["scenario"] != POOLED]
     )
-    found = []
     learning = [name for name in data.distinct("algorithm") if name != "none"]
+    found = {}
     for algorithm in learning or ["none"]:
         keep = (data["algorithm"] == algorithm) | (data["algorithm"] == "none")
-        part = Table({name: cells[keep] for name, cells in data.columns.items()})
-        found.append(figures.draw(_plate(algorithm, services), Results({"compare": part}, {}, [])))
+        found[algorithm] = Table({name: cells[keep] for name, cells in data.columns.items()})
     return found
 
 
