@@ -12,6 +12,7 @@ import pytest
 from evenhand.experiments.paper import calibrate, claims, reproduce, tables
 from evenhand.experiments.paper.report import figures_biased
 from evenhand.experiments.paper.report.figures import PLATES
+from evenhand.methods import registry
 from evenhand.methods.paper import issues
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout
@@ -160,7 +161,7 @@ def test_the_numbers_to_compare_with_are_those_printed():
 @pytest.mark.parametrize(("arm", "choice"), list(reproduce.ARMS.items()))
 def test_an_arm_is_an_algorithm_with_or_without_eq_5(arm, choice, preset):
     algorithm, kind = choice
-    names = {"score": "", "penalty": "+guidance", "levelup": "+levelup"}
+    names = {"score@1": "", "penalty": "+guidance", "levelup": "+levelup"}
     assert arm == algorithm + names[kind]
     if arm not in reproduce.arms_of(preset):
         assert (preset, kind) == ("paper", "levelup")
@@ -168,13 +169,13 @@ def test_an_arm_is_an_algorithm_with_or_without_eq_5(arm, choice, preset):
     settings = settings_of(preset, algorithm, kind)
     assert settings.preset == preset
     assert settings.update.algorithm == algorithm
-    assert settings.guidance.kind == kind
-    assert settings.guidance.tau == (1.0, 1.0, 1.0, 1.0)
+    assert settings.method == registry.create(kind)
+    assert settings.tau == (1.0, 1.0, 1.0, 1.0)
     assert settings.update.gamma == {"paper": 0.99, "service": 1.0}[preset]
 
 
 def test_there_are_the_papers_four_arms_and_two_of_our_own():
-    printed = {(a, kind) for a in ("reinforce", "ppo") for kind in ("score", "penalty")}
+    printed = {(a, kind) for a in ("reinforce", "ppo") for kind in ("score@1", "penalty")}
     own = {(a, "levelup") for a in ("reinforce", "ppo")}
     assert {reproduce.ARMS[arm] for arm in reproduce.arms_of("paper")} == printed
     assert {reproduce.ARMS[arm] for arm in reproduce.arms_of("service")} == printed | own

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods import detector_file, guidance
+from evenhand.methods import detector_file
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.rewards import person_rewards
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout, task
 from evenhand.training import train
@@ -44,12 +45,10 @@ def settings(preset: str, **changes: Any) -> TrainSettings:
 def evenness(record: train.EpochRecord, chosen: TrainSettings) -> np.ndarray:
     """Eq. 4 and 5 for each person."""
     table = record.interactions
-    return guidance.person_rewards(
-        issues.score(table),
-        issues.membership(table).inside,
-        record.numbers["biased_detector"],
-        chosen.guidance,
+    rewards = person_rewards(
+        issues.score(table), issues.membership(table).inside, chosen.tau, "own_groups"
     )
+    return 0.5 * rewards if record.numbers["biased_detector"] else rewards
 
 
 def test_preset_paper_pays_for_evenness_alone_and_looks_on_over_people(monkeypatch):
@@ -79,7 +78,7 @@ def test_preset_paper_pays_for_evenness_alone_and_looks_on_over_people(monkeypat
 
 @pytest.mark.parametrize("weight", [0.0, 1.0, 2.5])
 def test_preset_service_adds_evenness_to_the_quality_of_service(weight, monkeypatch):
-    base = settings("service", evenness_weight=weight)
+    base = settings("service", method=f"penalty@{weight}")
     # with full traces the target is the reward-to-go, and all reward comes at the end
     chosen = replace(base, update=replace(base.update, gae_lambda=1.0))
     record, (trajectories, _, target) = one_epoch(chosen, monkeypatch)

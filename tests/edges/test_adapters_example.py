@@ -63,7 +63,7 @@ class TestOneFile:
     @pytest.mark.slow
     def test_it_learns(self, monkeypatch):
         example = load("ppo_single_file", monkeypatch)
-        args = example.Args(rollouts=60, guidance="none", needs=0.0, num_steps=24)
+        args = example.Args(rollouts=60, guidance="service", needs=0.0, num_steps=24)
         _, envs = example.train(args)
         x, _ = envs.ledger.rows()
         clean = (x != 1.0).all(axis=1)

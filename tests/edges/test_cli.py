@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from evenhand.cli import COMMANDS, GROUPS, parse
 from evenhand.core.errors import InputError
 from evenhand.experiments.settings import PRESETS
-from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods import registry
 from evenhand.training.settings import PRESETS as LEARNED
 from evenhand.training.settings import TrainSettings
 
@@ -49,7 +49,7 @@ UNKNOWN = [
     ((*TRAIN, "--preset", "papr"), "unknown preset 'papr': did you mean 'paper'?"),
     ((*REPRODUCE, "--preset", "papr"), "unknown preset 'papr': did you mean 'paper'?"),
     ((*TRAIN, "--algorithm", "pp"), "unknown algorithm 'pp': did you mean 'ppo'?"),
-    ((*TRAIN, "--guidance", "Penalty"), "unknown guidance 'Penalty': did you mean 'penalty'?"),
+    ((*TRAIN, "--guidance", "Penalty"), "unknown method 'Penalty': did you mean 'penalty'?"),
     ((*TRAIN, "--credit", "own"), "unknown credit 'own': choose one of own_groups, epoch"),
     ((*TRAIN, "--tau", "risk_frist"), "unknown tau 'risk_frist': did you mean 'risk_first'?"),
     ((*TRAIN, "--population", "usa"), "unknown population 'usa': did you mean 'us'?"),
@@ -127,15 +127,17 @@ SHAPES = [
     ((*EVEN, "run"), "name either the folder of a run or a scripted robot with --robot"),
     (("evaluate", "x", "--strength", "1"), "--strength belongs to a scripted robot"),
     (("detect", "judge"), "name either a file of services or four numbers with --scores"),
-    ((*TRAIN, "--strength", "7"), "--strength does nothing with --guidance penalty: it belongs to"),
-    ((*TRAIN, "--guidance", "none", "--penalty", "0.1"), "--penalty does nothing with --guidance"),
-    ((*TRAIN, "--guidance", "score", "--penalty", "0.1"), "--penalty does nothing with --guidance"),
+    ((*TRAIN, "--set", "lam"), "--set lam has no value: give SETTING=VALUE"),
+    ((*TRAIN, "--set", "lam=much"), "lam of penalty is 'much': give a number"),
+    ((*TRAIN, "--set", "lam=1.5"), "lam is 1.5: lambda multiplies rewards, give 0 to 1"),
     (
-        (*TRAIN, "--guidance", "levelup", "--credit", "epoch"),
-        "--credit does nothing with --guidance levelup: it belongs to score and penalty, so leave",
+        (*TRAIN, "--guidance", "levelup", "--set", "credit=epoch"),
+        "unknown setting of levelup 'credit': choose one of strength, windows, shrink, when, gua",
     ),
+    ((*TRAIN, "--guidance", "service", "--set", "a=1"), "method service has no settings: leave a"),
+    ((*TRAIN, "--plugin", "absent.py"), "plugin absent.py is no Python file: give the path"),
     ((*TRAIN, "--preset", "paper", "--scenario", "tips"), "nobody would tip in scenario 'tips'"),
-    ((*TRAIN, "--preset", "paper", "--guidance", "none"), "guidance none rewards nothing"),
+    ((*TRAIN, "--preset", "paper", "--guidance", "service"), "and service needs a service reward"),
     (("reproduce", "--preset", "--out", "x"), "no preset is given: choose from paper, service"),
     ((*REPRODUCE, "--preset", "paper", "paper"), "a preset is given twice: paper, paper"),
 ]
@@ -294,5 +296,4 @@ def test_commands_and_settings_know_the_same_names_and_defaults():
     settings = TrainSettings()
     for name in ("seed", "epochs", "people", "population"):
         assert words[name] == getattr(settings, name), name
-    for name in ("credit", "penalty"):
-        assert words[name] == getattr(GuidanceSettings(), name), name
+    assert registry.create(words["guidance"]) == settings.method

@@ -332,8 +332,8 @@ OTHERS = [
     (replace(SETTINGS, seed=1), "seed 0 there and 1 here"),
     (replace(SETTINGS, people=4), "people 3 there and 4 here"),
     (
-        replace(SETTINGS, guidance=replace(SETTINGS.guidance, kind="score")),
-        'guidance.kind "penalty" there and "score" here',
+        replace(SETTINGS, method=replace(SETTINGS.method, lam=0.25)),
+        "method.settings.lam 0.5 there and 0.25 here",
     ),
 ]
 

@@ -10,6 +10,8 @@ import pytest
 from evenhand.methods import detector_file
 from evenhand.methods.beyond.reflection import ReflectionSettings
 from evenhand.training import checkpoint, imitation, run_folder, train
+from evenhand.training.checkpoint import State
+from evenhand.training.memory import Memory
 from evenhand.training.settings import TrainSettings, settings_of
 
 EVERY = 2
@@ -20,13 +22,12 @@ BASE = replace(
     # after three updates the fourth can be an alarm, and is compared with the first
     reflection=ReflectionSettings(rate=0.25, history=3),
 )
-NONE = replace(BASE.guidance, kind="none")
 METHODS: dict[str, TrainSettings] = {
     "levelup": BASE,
-    "surgery": replace(BASE, guidance=replace(BASE.guidance, kind="surgery")),
-    "elbert": replace(BASE, guidance=NONE, rival="elbert"),
-    "group_dro": replace(BASE, guidance=NONE, rival="group_dro", scenario="minority"),
-    "unaware": replace(BASE, guidance=NONE, unaware=True, scenario="prejudiced"),
+    "surgery": replace(BASE, method="surgery"),
+    "elbert": replace(BASE, method="elbert"),
+    "group_dro": replace(BASE, method="group_dro", scenario="minority"),
+    "unaware": replace(BASE, method="unaware", scenario="prejudiced"),
 }
 
 
@@ -74,24 +75,26 @@ def test_it_is_the_past_that_makes_it_the_same(detector, tmp_path, monkeypatch):
     for name in ("levelup", "elbert"):
         settings = METHODS[name]
         stopped(tmp_path / name, settings, detector, epoch=2)
+        empty = Memory.begin(settings)
         kept = checkpoint.load(
             tmp_path / name / "checkpoint.npz",
-            train.untrained(settings),
+            State(train.untrained(settings), empty),
             {
                 "settings": checkpoint.fingerprint(run_folder.as_dict(settings)),
                 "detector": checkpoint.fingerprint(run_folder.as_dict(detector)),
             },
         )
-        past = train.Past.of(kept.extra["past"], settings)
-        assert past.memory.filled == past.reflection.filled == 2
+        assert kept.state.memory.reflection.filled == 2
 
-        def weights(past, settings=settings, kept=kept) -> np.ndarray:
+        def weights(memory, settings=settings, kept=kept) -> np.ndarray:
             rng = train.stream(settings)
             rng.bit_generator.state = kept.extra["rng"]
+            state = kept.state.learner
             going_on = train.train(
-                settings, detector, state=kept.state, rng=rng, first_epoch=2, past=past
+                settings, detector, state=state, rng=rng, first_epoch=2, memory=memory
             )
             return np.asarray(list(going_on)[-1].state.policy.actor.weights[0])
 
-        assert not np.array_equal(weights(past), weights(train.Past.empty(settings)))
+        past = kept.state.memory
+        assert not np.array_equal(weights(past), weights(empty))
         np.testing.assert_array_equal(weights(past), weights(past))

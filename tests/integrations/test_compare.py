@@ -126,7 +126,17 @@ def test_every_promised_file_is_there(calm):
     assert noted["settings"]["services"] == SERVICES
     assert {"mujoco", "jax", "numpy", "evenhand"} <= set(noted["versions"])
     settings = calm / "runs" / "tips" / "reinforce" / "levelup@2" / "seed-00" / "settings.json"
-    assert json.loads(settings.read_text())["settings"]["guidance"]["weigh"]["strength"] == 2.0
+    assert json.loads(settings.read_text())["settings"]["method"] == {
+        "name": "levelup",
+        "settings": {
+            "strength": 2.0,
+            "windows": 8,
+            "shrink": 0.5,
+            "when": "always",
+            "guarded": True,
+        },
+        "source": None,
+    }
 
 
 def test_more_can_be_added_and_what_was_there_stays(compare, calm, stopped):

@@ -138,7 +138,7 @@ def older(tmp_path) -> Callable[[Callable[[dict], None]], Path]:
     return make
 
 
-@pytest.mark.parametrize("name", ["reflect", "unaware"])
+@pytest.mark.parametrize("name", ["reflect", "method"])
 def test_a_run_that_knew_fewer_settings(older, content, name):
     folder = older(lambda noted: noted["settings"].pop(name))
     before = content(folder)

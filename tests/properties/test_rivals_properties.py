@@ -1,15 +1,17 @@
 """Laws of the rivals."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from evenhand.training.rivals import formulas, methods
-from evenhand.training.rivals.base import EpochOutcome
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.rivals import a_ppo, elbert, ggf, group_dro, lagrangian, r_ppo, shared
+from support.rivals import epoch_of, scheme
 
 SIZES = (3, 2)
 GROUPS = sum(SIZES)
@@ -17,26 +19,25 @@ NUMBERS = st.floats(-5, 5).map(lambda v: round(v, 3))
 
 
 @st.composite
-def epochs(draw: Any, x: Any = None) -> EpochOutcome:
+def epochs(draw: Any, x: Any = None) -> Epoch:
     """Epochs of two identities and two issues; some issues do not apply."""
     n = draw(st.integers(1, 14))
     length = draw(st.integers(1, 3))
     codes = [draw(hnp.arrays(int, n, elements=st.integers(0, k - 1))) for k in SIZES]
     lengths = draw(hnp.arrays(int, n, elements=st.integers(1, length)))
     happened = st.sampled_from([0.0, 1.0, np.nan])
-    return EpochOutcome(
+    return epoch_of(
         reward=draw(hnp.arrays(float, n, elements=st.sampled_from([-0.5, 0.0, 0.25, 1.0]))),
         x=draw(hnp.arrays(float, (n, 2), elements=happened if x is None else x)),
         inside=np.concatenate([np.eye(k)[c] for k, c in zip(SIZES, codes, strict=True)], axis=1),
         identity=np.repeat([0, 1], SIZES),
         advantage=draw(hnp.arrays(float, (n, length), elements=NUMBERS)),
         mask=(np.arange(length) < lengths[:, None]).astype(float),
-        score=draw(st.floats(0, 2)),
-        cost=draw(hnp.arrays(float, n, elements=NUMBERS)),
+        excess=draw(st.floats(0, 2)),
     )
 
 
-def valid(outcome: EpochOutcome, advantage: np.ndarray) -> np.ndarray:
+def valid(outcome: Epoch, advantage: np.ndarray) -> np.ndarray:
     return advantage[outcome.mask > 0]
 
 
@@ -45,7 +46,7 @@ def valid(outcome: EpochOutcome, advantage: np.ndarray) -> np.ndarray:
 )
 def test_the_multiplier_is_never_negative(lam, scores, limit, rate):
     for score in scores:
-        before, lam = lam, formulas.multiplier(lam, score, limit, rate)
+        before, lam = lam, lagrangian.multiplier(lam, score, limit, rate)
         assert lam >= 0
         if score > limit:
             assert lam >= before
@@ -55,8 +56,8 @@ def test_the_multiplier_is_never_negative(lam, scores, limit, rate):
 
 @given(epochs(), st.floats(0, 100))
 def test_a_cost_that_all_share_only_shrinks_the_advantage(outcome, lam):
-    cost = np.full(len(outcome.cost), 2.5)
-    mixed = formulas.lagrangian_advantage(outcome.advantage, outcome.mask, cost, lam)
+    cost = np.full(len(outcome), 2.5)
+    mixed = lagrangian.lagrangian_advantage(outcome.advantage, outcome.mask, cost, lam)
     np.testing.assert_allclose(
         valid(outcome, mixed), valid(outcome, outcome.advantage) / (1 + lam), atol=1e-12
     )
@@ -64,14 +65,15 @@ def test_a_cost_that_all_share_only_shrinks_the_advantage(outcome, lam):
 
 @given(epochs())
 def test_without_a_multiplier_the_advantage_stays(outcome):
-    mixed = formulas.lagrangian_advantage(outcome.advantage, outcome.mask, outcome.cost, 0.0)
+    cost = np.arange(len(outcome)) / 7
+    mixed = lagrangian.lagrangian_advantage(outcome.advantage, outcome.mask, cost, 0.0)
     np.testing.assert_array_equal(valid(outcome, mixed), valid(outcome, outcome.advantage))
 
 
 @given(epochs(), epochs())
 def test_the_running_score_is_the_score_of_all_so_far(before, outcome):
     earlier = issues.count(before.x, before.inside)
-    running = formulas.running_scores(outcome.x, outcome.inside, earlier)
+    running = shared.running_scores(outcome.x, outcome.inside, earlier)
     for t in range(len(outcome.x) + 1):
         x = np.concatenate([before.x, outcome.x[:t]])
         inside = np.concatenate([before.inside, outcome.inside[:t]])
@@ -81,32 +83,32 @@ def test_the_running_score_is_the_score_of_all_so_far(before, outcome):
 
 @given(epochs(x=st.just(0.0)), st.floats(0, 1))
 def test_a_ppo_scales_the_advantage_where_all_is_even(outcome, omega):
-    method = methods.APPO(beta=(2.0, 0.25, 0.25), omega=omega)
-    shaped = valid(outcome, method.shape(outcome, method.begin(GROUPS, 2))[0])
+    method = a_ppo.APPO(strength=0.25, omega=omega)
+    shaped = valid(outcome, method.teach(outcome, method.begin(scheme(GROUPS, 2)))[0])
     plain = valid(outcome, outcome.advantage)
     span = plain.max() - plain.min()
-    expected = 2.0 * (plain - plain.min()) / span if span > 0 else np.zeros(len(plain))
+    expected = (plain - plain.min()) / span if span > 0 else np.zeros(len(plain))
     np.testing.assert_allclose(shaped, expected, atol=1e-12)
 
 
-@given(epochs(), st.floats(0, 1), st.tuples(st.floats(0, 2), st.floats(0, 2), st.floats(0, 2)))
-def test_a_ppo_lies_between_0_and_the_sum_of_its_weights(outcome, omega, beta):
-    method = methods.APPO(beta=beta, omega=omega)
-    shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
+@given(epochs(), st.floats(0, 1), st.floats(0, 2))
+def test_a_ppo_lies_between_0_and_the_sum_of_its_weights(outcome, omega, strength):
+    method = a_ppo.APPO(strength=strength, omega=omega)
+    shaped = method.teach(outcome, method.begin(scheme(GROUPS, 2)))[0]
     assert shaped.min() >= 0
-    assert shaped.max() <= sum(beta) + 1e-12
+    assert shaped.max() <= 1.0 + 2.0 * strength + 1e-12
 
 
 @given(epochs(), st.floats(0, 4))
 def test_r_ppo_never_adds(outcome, omega):
-    method = methods.RPPO(zeta=1.5, omega=omega)
-    shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
+    method = r_ppo.RPPO(zeta=1.5, omega=omega)
+    shaped = method.teach(outcome, method.begin(scheme(GROUPS, 2)))[0]
     assert (valid(outcome, shaped) <= valid(outcome, outcome.advantage)).all()
 
 
 @given(hnp.arrays(float, st.integers(2, 7), elements=st.floats(0, 1)), st.floats(1, 100))
 def test_the_soft_bias_is_at_least_the_hard_one(z, sharpness):
-    b, gradient = formulas.soft_bias(z, sharpness)
+    b, gradient = elbert.soft_bias(z, sharpness)
     hard = z.max() - z.min()
     # log-sum-exp of M numbers exceeds their maximum by log(M)/β at most
     assert hard - 1e-12 <= b <= hard + 2 * np.log(len(z)) / sharpness + 1e-12
@@ -115,8 +117,8 @@ def test_the_soft_bias_is_at_least_the_hard_one(z, sharpness):
 
 @given(epochs(x=st.sampled_from([0.0, np.nan])))
 def test_elbert_leaves_an_even_robot_alone(outcome):
-    method = methods.Elbert(alpha=7.0)
-    shaped = method.shape(outcome, method.begin(GROUPS, 2))[0]
+    method = elbert.Elbert(alpha=7.0)
+    shaped = method.teach(outcome, method.begin(scheme(GROUPS, 2)))[0]
     np.testing.assert_allclose(
         valid(outcome, shaped), valid(outcome, outcome.advantage), atol=1e-12
     )
@@ -125,10 +127,11 @@ def test_elbert_leaves_an_even_robot_alone(outcome):
 @given(epochs(), st.floats(0, 10))
 def test_elbert_is_linear_in_its_weight_and_sums_to_nothing(outcome, alpha):
     def change(weight: float) -> np.ndarray:
-        method = methods.Elbert(alpha=weight)
+        method = elbert.Elbert(alpha=weight)
         plain = np.zeros((len(outcome.x), 1))
-        one = EpochOutcome(**{**vars(outcome), "advantage": plain, "mask": np.ones_like(plain)})
-        return method.shape(one, method.begin(GROUPS, 2))[0][:, 0]
+        mask = np.ones_like(plain)
+        one = replace(outcome, advantages_of=lambda rewards: plain, mask=mask)
+        return method.teach(one, method.begin(scheme(GROUPS, 2)))[0][:, 0]
 
     np.testing.assert_allclose(change(alpha), alpha * change(1.0), atol=1e-9)
     # weighing all services alike changes no rate
@@ -142,13 +145,13 @@ def test_elbert_is_linear_in_its_weight_and_sums_to_nothing(outcome, alpha):
 )
 def test_the_adversary_stands_still_without_a_step(share, loss, n):
     log_q = np.log(share / share.sum())
-    np.testing.assert_allclose(formulas.dro_step(log_q, loss, n, 0.0, 1.0), log_q, atol=1e-12)
+    np.testing.assert_allclose(group_dro.dro_step(log_q, loss, n, 0.0, 1.0), log_q, atol=1e-12)
 
 
 @given(epochs(), st.floats(0, 1e6), st.floats(0, 10))
 def test_shares_sum_to_one_and_the_worse_off_gain(outcome, rate, adjustment):
-    method = methods.GroupDRO(rate=rate, adjustment=adjustment)
-    state = method.shape(outcome, method.begin(GROUPS, 2))[1]
+    method = group_dro.GroupDRO(rate=rate, adjustment=adjustment)
+    state = method.teach(outcome, method.begin(scheme(GROUPS, 2)))[1]
     q = np.exp(state.log_q)
     np.testing.assert_allclose(q.sum(), 1.0, atol=1e-9)
     for a in range(GROUPS):
@@ -160,8 +163,8 @@ def test_shares_sum_to_one_and_the_worse_off_gain(outcome, rate, adjustment):
 
 @given(epochs(), hnp.arrays(float, GROUPS, elements=st.floats(0, 1)))
 def test_weighted_services_earn_what_weighted_groups_earn(outcome, group_weight):
-    mean, n = formulas.group_means(outcome.reward, outcome.inside)
-    weight = formulas.service_weights(group_weight, outcome.inside)
+    mean, n = shared.group_means(outcome.reward, outcome.inside)
+    weight = shared.service_weights(group_weight, outcome.inside)
     np.testing.assert_allclose((weight * outcome.reward).mean(), group_weight @ mean, atol=1e-9)
     np.testing.assert_allclose(weight.mean(), group_weight[n > 0].sum(), atol=1e-9)
 
@@ -171,7 +174,7 @@ RATES = hnp.arrays(float, st.integers(1, 8), elements=st.sampled_from([-0.5, 0.0
 
 @given(RATES, st.floats(0.01, 1))
 def test_gini_weights_sum_to_one_and_fall_with_the_mean(mean, decay):
-    weight = formulas.gini_weights(mean, np.ones(len(mean), bool), decay)
+    weight = ggf.gini_weights(mean, np.ones(len(mean), bool), decay)
     np.testing.assert_allclose(weight.sum(), 1.0)
     order = np.argsort(mean, kind="stable")
     assert (np.diff(weight[order]) <= 1e-15).all()
@@ -183,7 +186,7 @@ def test_gini_weights_sum_to_one_and_fall_with_the_mean(mean, decay):
 
 @given(RATES)
 def test_welfare_that_weighs_all_alike_is_the_mean(mean):
-    weight = formulas.gini_weights(mean, np.ones(len(mean), bool), 1.0)
+    weight = ggf.gini_weights(mean, np.ones(len(mean), bool), 1.0)
     np.testing.assert_allclose(weight, 1 / len(mean))
 
 
@@ -191,15 +194,10 @@ def test_welfare_that_weighs_all_alike_is_the_mean(mean):
 def test_ggf_favours_no_group_by_its_place(outcome, decay, random):
     order = list(range(GROUPS))
     random.shuffle(order)
-    method = methods.GGF(decay=decay)
-    there = EpochOutcome(
-        **{
-            **vars(outcome),
-            "inside": outcome.inside[:, order],
-            "identity": outcome.identity[order],
-        }
-    )
-    start = method.begin(GROUPS, 2)
+    method = ggf.GGF(decay=decay)
+    groups = [outcome.groups[g] for g in order]
+    there = replace(outcome, inside=outcome.inside[:, order], groups=groups)
+    start = method.begin(scheme(GROUPS, 2))
     np.testing.assert_allclose(
-        method.shape(outcome, start)[0], method.shape(there, start)[0], atol=1e-12
+        method.teach(outcome, start)[0], method.teach(there, start)[0], atol=1e-12
     )

@@ -111,7 +111,7 @@ def test_only_what_is_expected_must_agree(saved):
 
 def refuse(path, message, like=None, expect=MADE_WITH):
     with pytest.raises(InputError, match=message) as caught:
-        checkpoint.load(path, State(like or learner()), expect)
+        checkpoint.load(path, like if isinstance(like, State) else State(like or learner()), expect)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -129,7 +129,7 @@ def test_a_file_that_is_cut_off_anywhere_is_refused(saved):
 
 def test_a_changed_byte_is_noticed_or_harmless(saved):
     # Harmless are the archive's dates and the like: then everything must have come back.
-    whole, state = saved.read_bytes(), learner()
+    whole, state = saved.read_bytes(), State(learner())
     noticed = 0
     for position in range(0, len(whole), 41):
         changed = bytearray(whole)
@@ -197,13 +197,32 @@ def test_other_settings_are_named(saved):
 def test_another_size_of_layer_is_refused(saved):
     refuse(
         saved,
-        r"policy\.actor\.weights\.0 is float32\[3, 4\] there and float32\[3, 5\] here",
+        r"weights\.0 of another shape: it is float32\[3, 4\] there and float32\[3, 5\] here",
         like=learner(hidden=(5,)),
     )
 
 
 def test_another_number_of_layers_is_refused(saved):
-    refuse(saved, "other layers", like=learner(hidden=(4, 4)))
+    refuse(
+        saved, "holds another policy, or the memory of another method", like=learner(hidden=(4, 4))
+    )
+
+
+def test_memory_comes_back_with_the_learner(tmp_path):
+    memory = {"lam": 0.1 + 0.2, "pool": np.array([[1 / 3, np.nan]]), "filled": 3}
+    path = tmp_path / "c.npz"
+    checkpoint.save(path, State(learner(), memory), fingerprints=MADE_WITH, extra={})
+    like = {"lam": 0.0, "pool": np.zeros((1, 2)), "filled": 0}
+    found = checkpoint.load(path, State(learner(seed=9), like), MADE_WITH).state
+    assert_same_bits(found.learner, learner())
+    assert found.memory["lam"] == memory["lam"]
+    assert found.memory["filled"] == 3
+    np.testing.assert_array_equal(found.memory["pool"], memory["pool"])
+    assert checkpoint.load(path, State(learner()), MADE_WITH).state.memory is None
+    refuse(
+        path, r"holds memory\.pool of another shape", State(learner(), like | {"pool": np.ones(2)})
+    )
+    refuse(path, r"memory of another method \(memory\.filled", State(learner(), {"lam": 0.0}))
 
 
 def test_a_later_format_is_refused(saved, monkeypatch):

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evenhand.training.rivals import methods
 from scipy.stats import hypergeom
 
 from evenhand.core.errors import InputError
@@ -16,14 +15,17 @@ from evenhand.experiments.comparison import figures as figures_compare
 from evenhand.experiments.comparison.settings import (
     ALGORITHMS,
     ARMS,
+    CONTROLS,
     SCENARIOS,
+    UNTUNED,
     Cell,
     CompareSettings,
     arm_of,
+    learns,
     method_of,
     place,
 )
-from evenhand.methods import guidance
+from evenhand.methods import registry
 from evenhand.methods.services import Interactions
 from evenhand.report import figure
 from evenhand.restaurant import people, scenarios
@@ -35,10 +37,7 @@ from evenhand.training.settings import TrainSettings
 
 def test_names_that_stand_twice_stand_alike():
     assert tuple(scenarios.SCENARIOS) == SCENARIOS
-    kinds = {arm.guidance for arm in ARMS.values()}
-    assert kinds == set(guidance.KINDS)
-    assert {arm.rival for arm in ARMS.values()} <= {"none", *methods.RIVALS}
-    assert set(figures_compare.METHODS) == set(ARMS)
+    assert set(figures_compare.looks()) == {*ARMS, *UNTUNED} == {*CONTROLS, *registry.names()}
 
 
 def test_the_whole_comparison_has_every_run_once():
@@ -86,9 +85,9 @@ def test_cells_are_sorted_as_they_are_listed():
         ({"arms": ("levelup@2", "levelup@2.0")}, "an entry of arms is given twice"),
         ({"arms": ("levelup@5", "levelup")}, "arms is given twice: levelup, levelup"),
         ({"arms": ("service@2",)}, "service has no strength, drop @2"),
-        ({"arms": ("levelup@x",)}, "arm levelup@x: give a finite strength of at least 0"),
-        ({"arms": ("levelup@-1",)}, "arm levelup@-1: give a finite strength of at least 0"),
-        ({"arms": ("levelup@nan",)}, "arm levelup@nan: give a finite strength of at least 0"),
+        ({"arms": ("levelup@x",)}, "levelup@x: give a finite strength of at least 0"),
+        ({"arms": ("levelup@-1",)}, "levelup@-1: give a finite strength of at least 0"),
+        ({"arms": ("levelup@nan",)}, "levelup@nan: give a finite strength of at least 0"),
         ({"algorithms": ("pp",)}, "unknown algorithm 'pp': did you mean 'ppo'"),
         ({"algorithms": ("ppo", "ppo")}, "an entry of algorithms is given twice: ppo, ppo"),
         ({"first_seed": -1}, "first_seed is -1: give a whole number from 0 to 100000"),
@@ -113,26 +112,28 @@ def training(arm: str, algorithm: str = "reinforce", scenario: str = "tips") -> 
 
 def test_every_arm_differs_from_service_alone_in_its_method_only():
     plain = training("service")
-    assert (plain.preset, plain.guidance.kind, plain.rival) == ("service", "none", "none")
+    assert (plain.preset, plain.method) == ("service", registry.create("service"))
     assert (plain.scenario, plain.seed, plain.epochs, plain.people) == ("tips", 3, 40, 30)
     assert plain.update.algorithm == "reinforce"
-    assert not plain.unaware
-    for kind in ("score", "penalty", *guidance.SERVICE_KINDS):
-        weight = ARMS[kind].strength or plain.evenness_weight
-        told = replace(plain, guidance=guided(kind), evenness_weight=weight)
-        assert training(kind) == told
-    for name in ("lagrangian", "a_ppo", "elbert", "group_dro", "ggf"):
-        told = replace(plain, rival=name, rival_strength=ARMS[name].strength)
-        assert training(name) == told
-    assert training("unaware") == replace(plain, unaware=True)
+    for name in registry.names():
+        assert training(name) == replace(plain, method=name)
     assert training("service", "ppo").update.algorithm == "ppo"
 
 
-def test_a_strength_reaches_the_method():
-    assert training("levelup@2").guidance.weigh.strength == 2.0
-    assert training("surgery@0.5").guidance.weigh.strength == 0.5
-    assert training("penalty@3").evenness_weight == 3.0
-    assert training("elbert@4").rival_strength == 4.0
+@pytest.mark.parametrize(
+    ("arm", "field", "value"),
+    [
+        ("score", "strength", 2.0), ("penalty", "strength", 1.0), ("influence", "strength", 0.5),
+        ("surgery", "strength", 1.0), ("levelup", "strength", 5.0), ("lagrangian", "limit", 0.05),
+        ("a_ppo", "strength", 1.0), ("elbert", "alpha", 0.02), ("group_dro", "rate", 0.1),
+        ("ggf", "decay", 0.9), ("levelup@2", "strength", 2.0), ("elbert@4", "alpha", 4.0),
+    ],
+)  # fmt: skip
+def test_strengths_as_they_were_tuned_or_given(arm, field, value):
+    assert getattr(training(arm).method, field) == value
+
+
+def test_a_strength_that_a_method_cannot_have():
     with pytest.raises(InputError, match="decay"):
         training("ggf@2")
 
@@ -209,7 +210,7 @@ def results(**arms: Any) -> dict[Cell, dict[str, float | None]]:
     for arm, totals in arms.items():
         for scenario in ("perception", "tips"):
             for seed, total in enumerate(totals):
-                algorithm = "ppo" if ARMS[method_of(arm)[0]].learns else "none"
+                algorithm = "ppo" if learns(arm) else "none"
                 found[Cell(scenario, algorithm, arm, seed)] = {
                     **NUMBERS, "corrected_total": total, "perfect_rate": 0.9,
                     "biased_epochs": 3.0 if algorithm == "ppo" else None,

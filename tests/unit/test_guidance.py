@@ -7,16 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from evenhand.core.errors import InputError
-from evenhand.methods import guidance
-from evenhand.methods.guidance import (
-    SERVICE_KINDS,
-    STRENGTH,
-    TAU,
-    GuidanceSettings,
-    evenness_reward,
-    guided,
-)
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import issues, rewards
+from evenhand.methods.paper.detector import WindowVerdict
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.paper.rewards import TAU, Penalty, Score, check_tau, evenness_reward
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
@@ -92,44 +86,46 @@ class TestEquation4:
             assert evenness_reward(after, tau) >= before - 1e-12
 
 
+def paid(biased: bool = False, method: Score | None = None, tau=TAU["equal"]) -> np.ndarray:
+    """What services of these people earn where evenness is all that pays."""
+    none = np.zeros(0)
+    said = WindowVerdict(np.array(biased), none, none.astype(bool), none.astype(np.int64))
+    epoch = Epoch(
+        x=np.zeros((3, 4)), inside=INSIDE, reward=np.zeros(3), mask=np.ones((3, 1)),
+        groups=SCORES.groups, issues=SCORES.issues, tau=np.array(tau),
+        advantages_of=lambda rewards: rewards[:, None], excess_of=lambda counts: 0.0,
+        judge=lambda scores: said,
+    )  # fmt: skip
+    vars(epoch)["scores"] = SCORES
+    return (method or Penalty()).alone(epoch)
+
+
 class TestPersonRewards:
     def test_own_groups_by_hand(self):
-        reward = guidance.person_rewards(SCORES, INSIDE, False, GuidanceSettings())
         # the first is in one group; the second in two: means 0.55, 0.4, 1.0, 0.25; of the third
         # one group is known, and of that two components: (0.5 + 0.8)/2 of 4
-        np.testing.assert_allclose(reward, [0.8 + 0.6 + 1.0 + 0.9, 0.45 + 0.6 + 0.0 + 0.75, 2.6])
+        np.testing.assert_allclose(paid(), [0.8 + 0.6 + 1.0 + 0.9, 0.45 + 0.6 + 0.0 + 0.75, 2.6])
 
     def test_an_epoch_pays_everybody_alike(self):
-        reward = guidance.person_rewards(SCORES, INSIDE, False, GuidanceSettings(credit="epoch"))
-        np.testing.assert_allclose(reward, [3.0, 3.0, 3.0])
+        np.testing.assert_allclose(paid(method=Penalty(credit="epoch")), [3.0, 3.0, 3.0])
 
-    @pytest.mark.parametrize("credit", guidance.CREDITS)
+    @pytest.mark.parametrize("credit", rewards.CREDITS)
     def test_equation_5_multiplies_when_biased(self, credit):
-        settings = GuidanceSettings(credit=credit, penalty=0.25)
-        fair = guidance.person_rewards(SCORES, INSIDE, False, settings)
-        biased = guidance.person_rewards(SCORES, INSIDE, True, settings)
-        np.testing.assert_allclose(biased, 0.25 * fair)
+        method = Penalty(credit=credit, lam=0.25)
+        fair = paid(method=method)
+        np.testing.assert_allclose(paid(True, method), 0.25 * fair)
         assert (fair > 0).all()
 
     def test_the_papers_lambda(self):
-        assert GuidanceSettings().penalty == 0.5
-        reward = guidance.person_rewards(SCORES, INSIDE, True, GuidanceSettings(credit="epoch"))
-        np.testing.assert_allclose(reward, [1.5, 1.5, 1.5])
+        assert Penalty().lam == 0.5
+        np.testing.assert_allclose(paid(True, Penalty(credit="epoch")), [1.5, 1.5, 1.5])
 
     def test_score_alone_has_no_penalty(self):
-        settings = GuidanceSettings(kind="score", credit="epoch", penalty=0.0)
-        np.testing.assert_allclose(
-            guidance.person_rewards(SCORES, INSIDE, True, settings), [3.0, 3.0, 3.0]
-        )
-
-    def test_none_gives_nothing(self):
-        reward = guidance.person_rewards(SCORES, INSIDE, True, GuidanceSettings(kind="none"))
-        np.testing.assert_array_equal(reward, [0.0, 0.0, 0.0])
+        np.testing.assert_allclose(paid(True, Score(credit="epoch")), [3.0, 3.0, 3.0])
 
     def test_tau_of_the_settings_counts(self):
-        settings = GuidanceSettings(credit="epoch", tau=TAU["risk_first"])
-        reward = guidance.person_rewards(SCORES, INSIDE, False, settings)
-        np.testing.assert_allclose(reward, [3.6, 3.6, 3.6])
+        found = paid(method=Score(credit="epoch"), tau=TAU["risk_first"])
+        np.testing.assert_allclose(found, [3.6, 3.6, 3.6])
 
 
 class TestWrongSettings:
@@ -145,31 +141,20 @@ class TestWrongSettings:
     )
     def test_tau(self, tau, said):
         with pytest.raises(InputError, match=said):
-            GuidanceSettings(tau=tau)
+            check_tau(tau)
         with pytest.raises(InputError, match=said):
             evenness_reward(RACISM, tau)
 
     @pytest.mark.parametrize("penalty", [-0.1, 1.1, NAN])
     def test_penalty(self, penalty):
-        with pytest.raises(InputError, match=r"penalty is .*: lambda multiplies rewards"):
-            GuidanceSettings(penalty=penalty)
+        with pytest.raises(InputError, match=r"lam is .*: lambda multiplies rewards"):
+            Penalty(lam=penalty)
 
     @pytest.mark.parametrize("penalty", [0.0, 1.0])
     def test_the_ends_of_penalty_are_allowed(self, penalty):
-        assert GuidanceSettings(penalty=penalty).penalty == penalty
+        assert Penalty(lam=penalty).lam == penalty
 
     def test_unknown_names_offer_the_nearest(self):
-        wrong = {"kind": "penality", "credit": "epochs"}
-        with pytest.raises(InputError, match="unknown guidance 'penality': did you mean 'penalty'"):
-            GuidanceSettings(kind=wrong["kind"])  # type: ignore[arg-type]
+        wrong = {"credit": "epochs"}
         with pytest.raises(InputError, match="unknown credit 'epochs': did you mean 'epoch'"):
-            GuidanceSettings(credit=wrong["credit"])  # type: ignore[arg-type]
-
-    def test_a_kind_comes_with_its_own_strength(self):
-        assert set(STRENGTH) == set(SERVICE_KINDS)
-        assert "levelup".weigh.strength == STRENGTH["levelup"]
-        assert guided("levelup", 0.0).weigh.strength == 0.0
-        assert GuidanceSettings("none") == "none"
-        assert guided("score", credit="epoch") == GuidanceSettings("score", credit="epoch")
-        with pytest.raises(InputError, match="strength is nan"):
-            guided("levelup", NAN)
+            Score(credit=wrong["credit"])  # type: ignore[arg-type]

@@ -5,22 +5,17 @@ from typing import Any
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.methods import guidance
+from evenhand.methods import registry
 from evenhand.restaurant.scenarios import Scenario
 from evenhand.restaurant.scenarios.needs import NeedSettings
 from evenhand.restaurant.scenarios.sensing import SenseSettings
 from evenhand.training.settings import TrainSettings, settings_of
 
-
-def told(kind: Any) -> guidance.GuidanceSettings:
-    return guidance.GuidanceSettings(kind=kind)
-
-
-NONE = told("none")
+PRINTED = ("score", "penalty")
+NAMES = ", ".join(registry.BUILT_IN)
 SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
-RIVALS = "lagrangian, a_ppo, r_ppo, elbert, group_dro, ggf"
-PAPER = "preset paper rewards Eq. 4/5 and nothing else, and {} is added to a service reward: "
-PAPER += "choose the preset service"
+PAPER = "preset paper rewards Eq. 4/5 and nothing else, and {} needs a service reward: choose "
+PAPER += "score or penalty, or the preset service"
 
 WRONG: list[tuple[dict[str, Any], str]] = [
     (
@@ -41,36 +36,21 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         "unknown population 'usa': did you mean 'us'? choose one of uniform, us, fairface",
     ),
     (
-        {"preset": "service", "guidance": NONE, "rival": "elbrt"},
-        f"unknown rival 'elbrt': did you mean 'elbert'? choose one of {RIVALS}",
+        {"preset": "service", "method": "elbrt"},
+        f"unknown method 'elbrt': did you mean 'elbert'? choose one of {NAMES}; the file of an own "
+        "method is named by --plugin",
     ),
     (
-        {"preset": "service", "guidance": NONE, "rival": "elbrt", "rival_strength": 1.0},
-        f"unknown rival 'elbrt': did you mean 'elbert'? choose one of {RIVALS}",
+        {"preset": "service", "method": "elbert@-1"},
+        "elbert@-1: give a finite strength of at least 0 after the @",
     ),
+    ({"preset": "service", "method": "ggf@2"}, "decay is 2.0: give a number from 0.001 to 1"),
+    ({"preset": "service", "method": "service@2"}, "service@2: service has no strength, drop @2"),
     (
-        {"preset": "service", "guidance": NONE, "rival": "elbert", "rival_strength": -1.0},
-        "alpha is -1.0: give a number from 0 to 1e+06",
+        {"preset": "service", "method": 3},
+        "3 is no method: register its class with @evenhand.method, or give a name",
     ),
-    (
-        {"preset": "service", "guidance": told("levelup"), "rival": "ggf"},
-        "guidance levelup and the rival ggf are two ways to evenness: choose one",
-    ),
-    (
-        {"preset": "service", "rival": "a_ppo"},  # penalty by default
-        "guidance penalty and the rival a_ppo are two ways to evenness: choose one",
-    ),
-    (
-        {"preset": "service", "rival_strength": 1.0},
-        "rival_strength is given without a rival: name one, or leave it out",
-    ),
-    *(({"guidance": told(kind)}, PAPER.format(kind)) for kind in guidance.SERVICE_KINDS),
-    ({"guidance": NONE, "rival": "r_ppo"}, PAPER.format("r_ppo")),
-    (
-        {"guidance": NONE},
-        "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: choose "
-        "score or penalty, or the preset service",
-    ),
+    *(({"method": name}, PAPER.format(name)) for name in registry.BUILT_IN if name not in PRINTED),
     *(
         (
             {"scenario": name},
@@ -82,8 +62,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"seed": -1}, "seed is -1: give a whole number from 0 to 4294967295"),
     ({"epochs": 0}, "epochs is 0: give a whole number from 1 to 1000000"),
     ({"people": 1}, "people is 1: give a whole number from 2 to 10000"),
-    ({"evenness_weight": -0.1}, "evenness_weight is -0.1: give 0 or more"),
-    ({"evenness_weight": float("nan")}, "evenness_weight is nan: give 0 or more"),
+    ({"tau": (0.0, 0.0, 0.0, 0.0)}, "tau is 0 for every issue: give at least one issue a weight"),
     ({"threshold": float("inf")}, "threshold is inf: give 0 or more"),
 ]
 
@@ -97,14 +76,9 @@ def test_what_is_refused(wrong, said):
 
 RIGHT: list[dict[str, Any]] = [
     {},
-    *({"guidance": told(kind)} for kind in ("score", "penalty")),
+    *({"method": registry.create(name)} for name in PRINTED),
     *({"scenario": name} for name in ("even", "prejudiced", "perception", "minority")),
-    *({"preset": "service", "guidance": told(kind)} for kind in guidance.KINDS),
-    *(
-        {"preset": "service", "guidance": NONE, "rival": name, "rival_strength": strength}
-        for name in RIVALS.split(", ")
-        for strength in (None, 0.5)
-    ),
+    *({"preset": "service", "method": registry.create(name)} for name in registry.BUILT_IN),
 ]
 
 
@@ -140,7 +114,7 @@ def test_arms_of_the_experiment():
     paper = settings_of("paper", "reinforce", "score", seed=5, epochs=9, population="us")
     assert (paper.preset, paper.seed, paper.epochs, paper.population) == ("paper", 5, 9, "us")
     assert (paper.update.algorithm, paper.update.gamma) == ("reinforce", 0.99)
-    assert (paper.guidance.kind, paper.update.anneal_updates) == ("score", 9)
+    assert (paper.method, paper.update.anneal_updates) == (registry.create("score"), 9)
     service = settings_of("service", "ppo", "levelup")
     assert (service.update.gamma, service.update.anneal_updates) == (1.0, 300)
     assert service.world == Scenario()

@@ -2,39 +2,38 @@
 
 import numpy as np
 import pytest
-from evenhand.training.rivals import formulas, methods
-from evenhand.training.rivals.base import EpochOutcome
 from scipy.special import logsumexp
 
 from evenhand.methods.paper import issues
-from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, two_groups
+from evenhand.methods.rivals import a_ppo, elbert, lagrangian, r_ppo, shared
+from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, epoch_of, scheme, two_groups
 
 
 class TestLagrangian:
     def test_the_multiplier_by_hand(self):
         # 0.1 + 2 (0.3 - 0.2), and 0.1 + 2 (0 - 0.2) = -0.3, which is not allowed
-        assert formulas.multiplier(0.1, 0.3, limit=0.2, rate=2.0) == pytest.approx(0.3)
-        assert formulas.multiplier(0.1, 0.0, limit=0.2, rate=2.0) == 0.0
+        assert lagrangian.multiplier(0.1, 0.3, limit=0.2, rate=2.0) == pytest.approx(0.3)
+        assert lagrangian.multiplier(0.1, 0.0, limit=0.2, rate=2.0) == 0.0
 
     def test_an_unknown_score_leaves_the_multiplier(self):
-        assert formulas.multiplier(0.7, NAN, limit=0.2, rate=2.0) == 0.7
+        assert lagrangian.multiplier(0.7, NAN, limit=0.2, rate=2.0) == 0.7
 
     def test_the_advantage_by_hand(self):
         # of three decisions the mean cost is (3 + 3 + 0) / 3 = 2, so A_c is 1, 1, -2:
         # (2 - 0.5) / 1.5, (1 - 0.5) / 1.5, (-1 + 1) / 1.5
         advantage = np.array([[2.0, 1.0], [-1.0, NAN]])
         mask = np.array([[1.0, 1.0], [1.0, 0.0]])
-        mixed = formulas.lagrangian_advantage(advantage, mask, np.array([3.0, 0.0]), 0.5)
+        mixed = lagrangian.lagrangian_advantage(advantage, mask, np.array([3.0, 0.0]), 0.5)
         np.testing.assert_allclose(mixed, [[1.0, 1 / 3], [0.0, 0.0]], atol=1e-15)
 
     def test_lambda_steps_before_it_is_used(self):
-        # λ = 0 + 5 (0.3 - 0.1) = 1; the mean cost is 1: (2 - 2)/2, (0 + 1)/2, (1 - 0)/2, (4 + 1)/2
-        method = methods.Lagrangian(limit=0.1, rate=5.0)
-        advantage, state = method.shape(two_groups(), method.begin(2, 1))
+        # λ = 0 + 5 (0.3 - 0.1) = 1; both rates are 1/2, so that nobody moves the gap and costs
+        method = lagrangian.Lagrangian(limit=0.1, rate=5.0)
+        advantage, state = method.teach(two_groups(), method.begin(scheme(2, 1)))
         assert state.lam == pytest.approx(1.0)
-        np.testing.assert_allclose(advantage[:, 0], [0.0, 0.5, 0.5, 2.5], atol=1e-15)
+        np.testing.assert_allclose(advantage[:, 0], [1.0, 0.0, 0.5, 2.0], atol=1e-15)
         # and again from there: 1 + 5 (0.2 - 0.1)
-        _, state = method.shape(two_groups(score=0.2), state)
+        _, state = method.teach(two_groups(excess=0.2), state)
         assert state.lam == pytest.approx(1.5)
 
 
@@ -43,26 +42,26 @@ class TestRunningScore:
     X = np.array([[1.0], [0.0], [0.0], [1.0]])
 
     def test_by_hand(self):
-        score = formulas.running_scores(self.X, TWO_GROUPS, NONE_EARLIER)
+        score = shared.running_scores(self.X, TWO_GROUPS, NONE_EARLIER)
         np.testing.assert_allclose(score, [0.0, 0.0, 1.0, 0.5, 0.0])
 
     def test_earlier_services_are_pooled(self):
         # before: one of a without the issue, one of b with it. a 0, b 1; a 1/2, b 1; a 1/2, b 1/2;
         # a 1/3, b 1/2; a 1/3, b 2/3
         earlier = issues.count(np.array([[0.0], [1.0]]), TWO_GROUPS[:2])
-        score = formulas.running_scores(self.X, TWO_GROUPS, earlier)
+        score = shared.running_scores(self.X, TWO_GROUPS, earlier)
         np.testing.assert_allclose(score, [1.0, 1 / 2, 0.0, 1 / 6, 1 / 3])
 
     def test_issues_add_up_and_some_do_not_apply(self):
         x = np.array([[1.0, NAN], [0.0, 0.0], [NAN, 1.0]])
-        score = formulas.running_scores(x, TWO_GROUPS[:3], issues.Counts(*np.zeros((4, 2, 2))))
+        score = shared.running_scores(x, TWO_GROUPS[:3], issues.Counts(*np.zeros((4, 2, 2))))
         # the second issue can be compared from the third service on: 1 + 1
         np.testing.assert_allclose(score, [0.0, 0.0, 1.0, 2.0])
 
     def test_unknown_people_count_nowhere(self):
         inside = TWO_GROUPS.copy()
         inside[1] = NAN
-        score = formulas.running_scores(self.X, inside, NONE_EARLIER)
+        score = shared.running_scores(self.X, inside, NONE_EARLIER)
         # only the last is of b: a 1/2, b 1
         np.testing.assert_allclose(score, [0.0, 0.0, 0.0, 0.0, 0.5])
 
@@ -73,13 +72,13 @@ class TestAPPO:
         # A 2, 0, 1, 4 -> 0.5, 0, 0.25, 1
         # min(0, ω - Δ) = 0, -0.75, -0.25, 0 -> 1, 0, 2/3, 1
         # min(0, -1[Δ > ω] δΔ) = 0, -1, 0, 0 -> 1, 0, 1, 1
-        method = methods.APPO(beta=(1.0, 0.25, 0.5), omega=0.25)
-        advantage, _ = method.shape(two_groups(), method.begin(2, 1))
+        method = a_ppo.APPO(strength=0.25, omega=0.25)
+        advantage, _ = method.teach(two_groups(), method.begin(scheme(2, 1)))
         expected = [
-            0.5 + 0.25 + 0.5,
+            0.5 + 0.25 + 0.25,
             0.0,
-            0.25 + 0.25 * 2 / 3 + 0.5,
-            1.0 + 0.25 + 0.5,
+            0.25 + 0.25 * 2 / 3 + 0.25,
+            1.0 + 0.25 + 0.25,
         ]
         np.testing.assert_allclose(advantage[:, 0], expected)
 
@@ -87,14 +86,14 @@ class TestAPPO:
         advantage = np.array([[1.0, 3.0], [2.0, NAN]])
         mask = np.array([[1.0, 1.0], [1.0, 0.0]])
         # Δ 1 then 0: over ω = 0.5 by 0.5, 0 -> 0, 1; worse by 1, 0 -> 0, 1
-        shaped = formulas.a_ppo_advantage(
+        shaped = a_ppo.a_ppo_advantage(
             advantage, mask, np.array([0.0, 1.0, 0.0]), 0.5, (1.0, 2.0, 4.0)
         )
         np.testing.assert_allclose(shaped, [[0.0, 1.0], [0.5 + 2.0 + 4.0, 0.0]])
 
     def test_growth_that_stays_within_omega_is_free(self):
         # Δ 0.5, 1, 0.75 with ω = 0.5: only the second is worse beyond ω -> 0, -0.5, 0 -> 1, 0, 1
-        shaped = formulas.a_ppo_advantage(
+        shaped = a_ppo.a_ppo_advantage(
             np.zeros((3, 1)),
             np.ones((3, 1)),
             np.array([0.25, 0.5, 1.0, 0.75]),
@@ -103,57 +102,56 @@ class TestAPPO:
         )
         np.testing.assert_allclose(shaped[:, 0], [1.0, 0.0, 1.0])
 
-    def test_the_weights_of_the_source(self):
-        assert methods.APPO().beta == (1.0, 0.25, 0.25)
-
     def test_earlier_epochs_are_pooled_and_forgotten(self):
-        method = methods.APPO(beta=(0.0, 1.0, 0.0), omega=0.0, windows=2)
-        even = two_groups(x=np.zeros((4, 1)))
+        method = a_ppo.APPO(strength=1.0, omega=0.0, windows=2)
+        # neither advantage nor growth differ, so that only Δ itself counts
+        none = np.zeros((4, 1))
+        even = two_groups(x=none, advantage=none)
         uneven = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
-        _, state = method.shape(uneven, method.begin(2, 1))
+        _, state = method.teach(uneven, method.begin(scheme(2, 1)))
         # after an epoch with rates 1 and 0: a 2/3, 2/3, 2/4, 2/4 against 0, so that -Δ scales to
         # 0, 0, 1, 1
-        advantage, state = method.shape(even, state)
+        advantage, state = method.teach(even, state)
         np.testing.assert_allclose(advantage[:, 0], [0.0, 0.0, 1.0, 1.0])
         # one epoch later the uneven one is out of the window
-        advantage, _ = method.shape(even, state)
+        advantage, _ = method.teach(even, state)
         np.testing.assert_allclose(advantage[:, 0], 0.0)
 
 
 class TestRPPO:
     def test_by_hand(self):
         # Δ 0, 1, 0.5, 0: the first, third and last are below ω = 0.6
-        method = methods.RPPO(zeta=3.0, omega=0.6)
-        advantage, _ = method.shape(two_groups(), method.begin(2, 1))
+        method = r_ppo.RPPO(zeta=3.0, omega=0.6)
+        advantage, _ = method.teach(two_groups(), method.begin(scheme(2, 1)))
         np.testing.assert_allclose(advantage[:, 0], [2.0, 0.0 - 3.0, 1.0, 4.0])
 
     def test_a_score_at_omega_costs(self):
-        penalty = formulas.r_ppo_penalty(np.array([9.0, 0.5, 0.4]), 0.5, 2.0)
+        penalty = r_ppo.r_ppo_penalty(np.array([9.0, 0.5, 0.4]), 0.5, 2.0)
         np.testing.assert_allclose(penalty, [-1.0, 0.0])
 
     def test_one_window_remembers_nothing(self):
-        method = methods.RPPO(windows=1)
-        first, state = method.shape(two_groups(), method.begin(2, 1))
-        second, _ = method.shape(two_groups(), state)
+        method = r_ppo.RPPO(windows=1)
+        first, state = method.teach(two_groups(), method.begin(scheme(2, 1)))
+        second, _ = method.teach(two_groups(), state)
         np.testing.assert_array_equal(first, second)
 
 
 class TestSoftBias:
     def test_two_groups_are_compared_by_themselves(self):
-        b, gradient = formulas.soft_bias(np.array([0.2, 0.5]), 20.0)
+        b, gradient = elbert.soft_bias(np.array([0.2, 0.5]), 20.0)
         assert b == pytest.approx(0.3)
         np.testing.assert_array_equal(gradient, [-1.0, 1.0])
 
     def test_three_groups_by_hand(self):
         # with β = 1 and z = 0, 0, 1: log(2 + e) = 1.551445, -log(2 + 1/e) = -0.861995;
         # 1/(2 + e) - 1/(2 + 1/e) = 0.211942 - 0.422319, e/(2 + e) - (1/e)/(2 + 1/e) = 0.420754
-        b, gradient = formulas.soft_bias(np.array([0.0, 0.0, 1.0]), 1.0)
+        b, gradient = elbert.soft_bias(np.array([0.0, 0.0, 1.0]), 1.0)
         assert b == pytest.approx(2.413440, abs=2e-6)
         np.testing.assert_allclose(gradient, [-0.210377, -0.210377, 0.420754], atol=2e-6)
 
     @pytest.mark.parametrize("z", [[], [0.7]])
     def test_fewer_than_two_groups_cannot_differ(self, z):
-        b, gradient = formulas.soft_bias(np.array(z), 20.0)
+        b, gradient = elbert.soft_bias(np.array(z), 20.0)
         assert b == 0.0
         np.testing.assert_array_equal(gradient, np.zeros(len(z)))
 
@@ -183,9 +181,9 @@ class TestElbert:
     def test_by_hand(self):
         # rates a 1/2, b 0, b = 1/2, ∂h/∂z = 2 · 1/2 · ±1, demand of each is 1/2 of all services:
         # credit of a (1 - 1/2) / (1/2) and (0 - 1/2) / (1/2), of b 0
-        method = methods.Elbert(alpha=2.0)
+        method = elbert.Elbert(alpha=2.0)
         outcome = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
-        advantage, state = method.shape(outcome, method.begin(2, 1))
+        advantage, state = method.teach(outcome, method.begin(scheme(2, 1)))
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 2.0, 0.0, 1.0 + 2.0, 4.0])
         np.testing.assert_array_equal(state.ratio, [[0.5], [0.0]])
 
@@ -193,8 +191,8 @@ class TestElbert:
         # the issue applies to the last two only: rates 0 and 1, demand 1/4 each; nobody who
         # demanded differs from the rate of the own group
         x = np.array([[NAN], [NAN], [0.0], [1.0]])
-        method = methods.Elbert()
-        advantage, _ = method.shape(two_groups(x=x), method.begin(2, 1))
+        method = elbert.Elbert(alpha=1.0)
+        advantage, _ = method.teach(two_groups(x=x), method.begin(scheme(2, 1)))
         np.testing.assert_allclose(advantage, two_groups().advantage)
 
     @pytest.mark.parametrize("sharpness", [3.0, 20.0])
@@ -209,18 +207,16 @@ class TestElbert:
         ).astype(float)
         inside[3, :4] = NAN
         identity = np.array([0, 0, 0, 0, 1, 1])
-        outcome = EpochOutcome(
+        outcome = epoch_of(
             reward=np.zeros(n),
             x=x,
             inside=inside,
             identity=identity,
             advantage=np.zeros((n, 1)),
             mask=np.ones((n, 1)),
-            score=0.0,
-            cost=np.zeros(n),
         )
-        method = methods.Elbert(alpha=1.0, sharpness=sharpness)
-        advantage, _ = method.shape(outcome, method.begin(6, 3))
+        method = elbert.Elbert(alpha=1.0, sharpness=sharpness)
+        advantage, _ = method.teach(outcome, method.begin(scheme(6, 3)))
         # a mean over n services has n times the derivative by the weight of one
         step = 1e-5 * np.eye(n)
         change = [
@@ -234,25 +230,25 @@ class TestElbert:
     def test_earlier_epochs_are_pooled(self):
         # eight services: a 4 with 3 issues, b 4 with 0. z = 3/4, ∂h/∂z = ±3/2, demand 1/2:
         # credit of a with the issue 3/2 · 1/4 · 2, without -3/2 · 3/4 · 2
-        method = methods.Elbert()
+        method = elbert.Elbert(alpha=1.0)
         uneven = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
-        _, state = method.shape(uneven, method.begin(2, 1))
+        _, state = method.teach(uneven, method.begin(scheme(2, 1)))
         now = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
-        advantage, _ = method.shape(now, state)
+        advantage, _ = method.teach(now, state)
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 0.75, 0.0, 1.0 + 2.25, 4.0])
 
     def test_an_empty_group_keeps_its_last_rate(self):
-        method = methods.Elbert(windows=1)
+        method = elbert.Elbert(alpha=1.0, windows=1)
         outcome = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
-        _, state = method.shape(outcome, method.begin(2, 1))
+        _, state = method.teach(outcome, method.begin(scheme(2, 1)))
         only_b = np.tile([0.0, 1.0], (4, 1))
         # b now has 1/2 against 1 of a: ∂h/∂z_b = -1, demand 1: credit -(1 - 1/2) and 1/2
-        advantage, state = method.shape(two_groups(inside=only_b), state)
+        advantage, state = method.teach(two_groups(inside=only_b), state)
         np.testing.assert_array_equal(state.ratio, [[1.0], [0.5]])
         np.testing.assert_allclose(advantage[:, 0], [2.5, -0.5, 0.5, 4.5])
 
     def test_a_group_never_seen_is_left_out(self):
-        method = methods.Elbert()
+        method = elbert.Elbert(alpha=1.0)
         only_b = np.tile([0.0, 1.0], (4, 1))
-        advantage, _ = method.shape(two_groups(inside=only_b), method.begin(2, 1))
+        advantage, _ = method.teach(two_groups(inside=only_b), method.begin(scheme(2, 1)))
         np.testing.assert_array_equal(advantage, two_groups().advantage)

@@ -123,7 +123,7 @@ class TestNames:
 MISTAKES = [
     ('scenarios = ["tip"]\n', ["line 1, scenarios: unknown scenario 'tip': did you mean 'tips'?"]),
     ('arms = ["levlup"]\n', ["line 1, arms: unknown arm 'levlup': did you mean 'levelup'?"]),
-    ('arms = ["service@2"]\n', ["line 1, arms: arm service@2: service has no strength"]),
+    ('arms = ["service@2"]\n', ["line 1, arms: service@2: service has no strength"]),
     ('arms = ["ggf@2"]\n', ["line 1, arms: decay is 2.0: give a number from 0.001 to 1"]),
     ("arms = [3]\n", ["line 1, arms: arm is 3: give a name, in quotes"]),
     ("arms = []\n", ["line 1, arms: it is empty: give at least one"]),

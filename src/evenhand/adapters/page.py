@@ -28,6 +28,7 @@ from evenhand.audits.show import sentences
 from evenhand.audits.show.wording import level
 from evenhand.core import files
 from evenhand.core.errors import InputError
+from evenhand.methods import registry
 from evenhand.report import figure as figures
 from evenhand.report import page as html
 from evenhand.report import reflection_figure, style
@@ -283,11 +284,11 @@ def _render(
 
 
 def _settings(ledger: Ledger) -> dict[str, Any]:
-    plain = dataclasses.asdict(dataclasses.replace(ledger.settings, tau=None))
-    weights = ledger.settings.weights(ledger.scheme).tolist()
-    plain["tau"] = dict(zip(ledger.scheme.issue_names, weights, strict=True))
-    plain["guidance"].pop("tau")
-    return plain
+    chosen = ledger.settings
+    weights = chosen.weights(ledger.scheme).tolist()
+    method = {"name": registry.name_of(chosen.method)} | dataclasses.asdict(chosen.method)
+    tau = dict(zip(ledger.scheme.issue_names, weights, strict=True))
+    return {"services": chosen.services, "method": method, "tau": tau}
 
 
 def _files(names: Sequence[str]) -> list[str]:

@@ -5,8 +5,7 @@ import pytest
 
 from evenhand.adapters import JudgeSettings, Ledger
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods import registry
 from evenhand.methods.paper import detector
 from evenhand.statistics.verdicts import VerdictSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
@@ -14,8 +13,9 @@ from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
 
 def paid(kind, *later, tau=None, **changes):
     """What one service is paid after the first window: which side, late, loud."""
-    weigh = CreditSettings(strength=2.0, windows=1, shrink=0.0)
-    chosen = GuidanceSettings(kind, weigh=weigh, guarded=False, **changes)
+    if kind != "score":
+        changes |= {"strength": 2.0, "windows": 1, "shrink": 0.0, "guarded": False}
+    chosen = registry.create("score@1" if kind == "score" else kind, **changes)
     ledger = Ledger(SCHEME, JudgeSettings(4, chosen, tau))
     assert add(ledger, *FIRST).tolist() == [0.0] * 4
     return add(ledger, *([value] for value in later))[0]
@@ -101,8 +101,7 @@ class TestGuidance:
         assert paid("influence", *service) == pytest.approx(pays)
 
     def test_influence_of_two_windows_is_that_of_their_mean(self):
-        weigh = CreditSettings(strength=2.0, windows=2, shrink=0.0)
-        chosen = GuidanceSettings("influence", weigh=weigh, guarded=False)
+        chosen = registry.create("influence@2", windows=2, shrink=0.0, guarded=False)
         ledger = Ledger(SCHEME, JudgeSettings(4, chosen))
         add(ledger, *FIRST)
         add(ledger, *FIRST)
@@ -121,7 +120,7 @@ class TestGuidance:
             issues=SCHEME.issue_names, identities=("side",),
         )  # fmt: skip
         for late, factor in (([1, 1, 0, 0], 0.5), ([1, 0, 1, 0], 1.0)):
-            ledger = Ledger(SCHEME, JudgeSettings(4, GuidanceSettings("penalty")), fitted)
+            ledger = Ledger(SCHEME, JudgeSettings(4, "penalty"), fitted)
             add(ledger, FIRST[0], late, [0] * 4)
             biased = factor == 0.5
             assert np.array(ledger.windows().biased).tolist() == [biased]
@@ -131,7 +130,7 @@ class TestGuidance:
     def test_paid_afterwards_by_the_window_that_is_over(self):
         # as above, 1 − I is 0 and 0.5 of the greatest 2: of the first window, also for the fifth
         # service, whose own window is not over yet; then 1 and 1 of the second window
-        ledger = Ledger(SCHEME, JudgeSettings(4, GuidanceSettings("score")))
+        ledger = Ledger(SCHEME, JudgeSettings(4, "score@1"))
         who, late, loud = (np.append(column, 0).tolist() for column in FIRST)
         assert add(ledger, who, late, loud, afterwards=True).tolist() == [0.25] * 5
         rest = add(ledger, [LEFT, RIGHT, RIGHT], [0] * 3, [0] * 3, afterwards=True)
@@ -151,8 +150,7 @@ class TestGuidance:
         np.testing.assert_allclose(whole.windows().paid[3], together[21:28].mean())
 
     def test_the_guard_holds_evenness_back_where_nobody_is_served_well(self):
-        weigh = CreditSettings(strength=2.0, windows=1, shrink=0.0)
-        chosen = GuidanceSettings("levelup", weigh=weigh)
+        chosen = registry.create("levelup@2", windows=1, shrink=0.0)
         ledger = Ledger(SCHEME, JudgeSettings(4, chosen))
         add(ledger, *FIRST)
         # 2 of 4 services had no issue, so evenness weighs half
@@ -164,19 +162,19 @@ class TestGuidance:
     [
         (lambda: JudgeSettings(1), "services is 1: give a whole number from 2"),
         (lambda: JudgeSettings(method="surgery"), "'surgery' works on the grad"),
-        (lambda: JudgeSettings(evenness_weight=-1.0), "evenness_weight is -1.0: give 0 or more"),
+        (lambda: JudgeSettings(method="unaware"), "'unaware' hides people from the policy"),
+        (lambda: JudgeSettings(method="levlup"), "unknown method 'levlup': did you mean"),
         (lambda: settings(tau={"late": 1.0}), "tau has no weight for issue 'loud'"),
         (lambda: settings(tau={"lat": 1.0}), "unknown issue in tau 'lat': did you mean 'late'"),
         (lambda: settings(tau={"late": 0.0, "loud": 0.0}), "tau is 0 for every issue"),
         (lambda: settings(tau={"late": 1.0, "loud": -1}), "give 2 finite numbers of at least 0"),
         (
-            lambda: settings(guidance=GuidanceSettings("score", tau=(1.0, 1.0, 1.0, 2.0))),
-            "guidance.tau weighs four issues, and there are 2: give tau by name",
+            lambda: settings(method="penalty"),
+            "method 'penalty' asks for a verdict: give a detector",
         ),
-        (lambda: settings(guidance=GuidanceSettings()), "penalty asks for a verdict: give a det"),
         (
-            lambda: settings(guidance=guided("levelup", when="biased")),
-            "when='biased' asks for a verdict: give a detector",
+            lambda: settings(method=registry.create("levelup", when="biased")),
+            "method 'levelup' asks for a verdict: give a detector",
         ),
     ],
 )

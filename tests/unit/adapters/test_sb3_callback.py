@@ -18,7 +18,10 @@ from evenhand.adapters import (
     own_issue,
 )
 from evenhand.core.errors import InputError
+from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.statistics.chance import excess_scores
 from support import toys
 from support.extras import wanted
 
@@ -142,6 +145,113 @@ def test_what_evenness_pays_stands_at_the_ends_of_services_and_in_their_advantag
         np.testing.assert_allclose(b["returns"], expected + b["values"], atol=1e-5)
     assert at == len(callback.ledger)
     assert np.abs(callback.ledger.paid).max() > 0.05
+
+
+@pytest.mark.parametrize("name", ["a_ppo", "elbert", "group_dro", "lagrangian"])
+def test_a_published_method_gives_the_advantages_of_a_rollout(name):
+    before, after = Beside(), Beside()
+    callback = EvennessCallback(toys.SCHEME, toys.facts_of, settings=JudgeSettings(4, name))
+    env = DummyVecEnv([toys.Toy] * 3)
+    ppo(env, gamma=0.9, gae_lambda=0.8).learn(16 * 3 * 3, CallbackList([before, callback, after]))
+    changed, first = 0.0, 0
+    method = registry.create(name)
+    memory = method.begin(toys.SCHEME)
+    for number, (a, b) in enumerate(zip(before.kept, after.kept, strict=True)):
+        np.testing.assert_array_equal(a["rewards"], b["rewards"])
+        np.testing.assert_array_equal(a["returns"], b["returns"])
+        starts = np.vstack([a["episode_starts"], a["last"][1]]).astype(bool)
+        # decisions of each service that ended here, in the order of step and lane
+        ends = [(t, lane) for t in range(16) for lane in range(3) if starts[t + 1, lane]]
+        decisions = []
+        for t, lane in ends:
+            begin = t
+            while begin > 0 and not starts[begin, lane]:
+                begin -= 1
+            decisions.append((np.arange(begin, t + 1), lane))
+        x, inside = callback.ledger.rows(first)
+        x, inside = x[: len(ends)], inside[: len(ends)]
+        length = max(len(rows) for rows, _ in decisions)
+        advantage, mask = np.zeros((2, len(ends), length))
+        for s, (rows, lane) in enumerate(decisions):
+            advantage[s, : len(rows)] = a["advantages"][rows, lane]
+            mask[s, : len(rows)] = 1.0
+        epoch = Epoch(
+            x=x, inside=inside, mask=mask, tau=np.ones(x.shape[1]), number=number,
+            reward=callback.ledger.services().fact("total")[first : first + len(ends)],
+            groups=toys.SCHEME.groups, issues=toys.SCHEME.issue_names,
+            advantages_of=lambda rewards, advantage=advantage: advantage,
+            excess_of=lambda counts: float(
+                excess_scores(counts, toys.SCHEME.groups, toys.SCHEME.issue_names).total
+            ),
+        )  # fmt: skip
+        wanted, memory = method.teach(epoch, memory)
+        expected = a["advantages"].copy()
+        for s, (rows, lane) in enumerate(decisions):
+            expected[rows, lane] = wanted[s, : len(rows)]
+        np.testing.assert_allclose(b["advantages"], expected, rtol=1e-5, atol=1e-5)
+        changed += float(np.abs(b["advantages"] - a["advantages"]).sum())
+        first += len(ends)
+    assert first == len(callback.ledger)
+    assert changed > 0.1
+    assert (callback.ledger.paid == 0.0).all()
+
+
+def test_rewards_of_an_own_method_are_paid_at_the_ends(registered):
+    class Mine:
+        def begin(self, scheme):
+            return 0
+
+        def teach(self, epoch, memory):
+            return epoch.reward - 0.5 * np.arange(1, len(epoch) + 1), memory + 1
+
+    registered("mine")(Mine)
+    before, after = Beside(), Beside()
+    callback = EvennessCallback(toys.SCHEME, toys.facts_of, settings=JudgeSettings(4, "mine"))
+    ppo(DummyVecEnv([toys.Toy] * 3)).learn(96, CallbackList([before, callback, after]))
+    at = 0
+    for a, b in zip(before.kept, after.kept, strict=True):
+        ends = np.vstack([b["episode_starts"][1:], b["last"][1]]).astype(bool)
+        n = int(ends.sum())
+        added = b["rewards"] - a["rewards"]
+        np.testing.assert_allclose(added[ends], -0.5 * np.arange(1, n + 1), atol=1e-5)
+        assert not added[~ends].any()
+        np.testing.assert_allclose(callback.ledger.paid[at : at + n], added[ends], atol=1e-5)
+        at += n
+    assert callback.ledger.guide.past.memory == len(before.kept) == 2
+
+
+@pytest.mark.parametrize("name", ["levelup", "elbert"])
+def test_its_state_goes_on_in_another_callback(name, tmp_path):
+    """The same rollouts after it are guided and examined alike."""
+
+    def made() -> EvennessCallback:
+        return EvennessCallback(toys.SCHEME, toys.facts_of, settings=JudgeSettings(4, name))
+
+    first = made()
+    model = ppo(DummyVecEnv([toys.Toy] * 3))
+    model.learn(96, first)
+    np.savez(tmp_path / "state.npz", **first.state())
+    model.save(tmp_path / "model.zip")
+    resumed = made()
+    with np.load(tmp_path / "state.npz") as saved:
+        resumed.restore(saved)
+    kept = []
+    for callback in (first, resumed):
+        env = DummyVecEnv([toys.Toy] * 3)
+        again = PPO.load(tmp_path / "model.zip", env=env)
+        env.seed(5)
+        torch.manual_seed(3)
+        beside = Beside()
+        again.learn(96, CallbackList([callback, beside]), reset_num_timesteps=True)
+        kept.append((beside.kept, callback))
+    (one, a), (other, b) = kept
+    for x, y in zip(one, other, strict=True):
+        for what in ("rewards", "advantages"):
+            np.testing.assert_array_equal(x[what], y[what])
+    assert a.state().keys() == b.state().keys()
+    for path, leaf in a.state().items():
+        np.testing.assert_array_equal(leaf, b.state()[path], err_msg=path)
+    assert len(b.ledger) > 40
 
 
 def test_without_guidance_learning_stays_as_it_is():

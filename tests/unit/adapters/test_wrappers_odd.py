@@ -62,7 +62,7 @@ class Own(gym.Env[Any, int]):
         return self.state, 1.0, self.at == 3, False, self.info
 
 
-@pytest.mark.parametrize("kind", ["none", "levelup"])
+@pytest.mark.parametrize("kind", ["service", "levelup"])
 def test_one_environment_that_goes_on_with_its_array_and_dict(kind):
     def told(ended):
         first, last = ended.first_info("inner.battery"), ended.observation[:, 0]
@@ -222,7 +222,7 @@ class Numbered(Own):
         return self.state.copy(), 1.0, self.at >= self.length, False, {"number": self.number}
 
 
-@pytest.mark.parametrize("kind", ["none", "levelup"])
+@pytest.mark.parametrize("kind", ["service", "levelup"])
 @pytest.mark.parametrize("mode", MODES[:2])
 def test_a_reset_of_some_lanes_leaves_the_beginnings_of_the_others(mode, kind):
     told = facts_of(lambda ended: ended.first_info("number"), lambda ended: ended.info("number"))
@@ -241,7 +241,7 @@ def test_a_reset_of_some_lanes_leaves_the_beginnings_of_the_others(mode, kind):
     np.testing.assert_array_equal(services.fact("first"), services.fact("last"))
 
 
-@pytest.mark.parametrize("kind", ["none", "levelup"])
+@pytest.mark.parametrize("kind", ["service", "levelup"])
 def test_a_reward_in_an_array_is_a_number(kind):
     class Listed(Own):
         def step(self, action):
