@@ -57,7 +57,7 @@ def services(x: np.ndarray = X) -> serve.Services:
     )
     rng = np.random.default_rng(1)
     seen = rng.normal(size=(5, 6, 25)).astype(np.float32) * MASK[..., None]
-    return serve.Services(facts, seen, np.zeros((5, 6), np.int32), MASK)
+    return serve.Services(facts, CODES, seen, np.zeros((5, 6), np.int32), MASK)
 
 
 @dataclass(frozen=True)

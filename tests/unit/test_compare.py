@@ -26,7 +26,7 @@ from evenhand.experiments.comparison.settings import (
 from evenhand.methods import guidance
 from evenhand.methods.services import Interactions
 from evenhand.report import figure
-from evenhand.restaurant import people, scenarios
+from evenhand.restaurant import people, worlds
 from evenhand.training import run_folder
 from evenhand.training.settings import TrainSettings
 
@@ -34,7 +34,7 @@ from evenhand.training.settings import TrainSettings
 
 
 def test_names_that_stand_twice_stand_alike():
-    assert tuple(scenarios.SCENARIOS) == SCENARIOS
+    assert worlds.names() == SCENARIOS
     kinds = {arm.guidance for arm in ARMS.values()}
     assert kinds == set(guidance.KINDS)
     assert {arm.rival for arm in ARMS.values()} <= {"none", *methods.RIVALS}
