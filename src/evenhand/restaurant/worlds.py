@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from evenhand.core import source
+from evenhand.core import plugins
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.scheme import Fact, Scheme, paper_facts
@@ -263,9 +263,12 @@ class _Registered:
 
     world: World | Callable[[], World]
     reference: AnyRobot | None
+    place: str
     source: str | None
 
 
+GROUP = "evenhand.scenarios"
+"""Entry point by which packages bring scenarios."""
 _SCENARIOS: dict[str, _Registered] = {}
 
 
@@ -283,16 +286,18 @@ def register_scenario(
     Raises:
         InputError: for a name that is taken or cannot be one, or something that is no world.
     """
-    source.check_name("scenario", name, _SCENARIOS)
+    plugins.check_name("scenario", name)
     if not (isinstance(world, World) or callable(world)):
         raise InputError(f"scenario {name!r}: world is {world!r}: give a World or a function")
-    caller = sys._getframe(1).f_globals.get("__file__")
-    text = source.source_hash(caller, *map(source.file_of, (world, reference)))
-    _SCENARIOS[name] = _Registered(world, reference, text)
+    place, text = plugins.origin(sys._getframe(1), world, reference)
+    if name in _SCENARIOS and _SCENARIOS[name].place != place:
+        raise InputError(f"there is a scenario {name!r} already: register yours by another name")
+    _SCENARIOS[name] = _Registered(world, reference, place, text)
 
 
 def names() -> tuple[str, ...]:
     """Of all scenarios, those of Evenhand first."""
+    plugins.ready(GROUP)
     return tuple(_SCENARIOS)
 
 
@@ -331,8 +336,8 @@ def scenario(name: str, population: str | None = None) -> World:
     """
     parts = name.split("+")
     for one in parts:
-        if one not in _SCENARIOS:
-            raise unknown("scenario", one, _SCENARIOS)
+        if one not in names():
+            raise unknown("scenario", one, names())
     if len(set(parts)) < len(parts):
         raise InputError(f"scenario {name!r} names one of them twice: drop one")
     if len(parts) > 1 and "even" in parts:

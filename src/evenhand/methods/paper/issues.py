@@ -184,9 +184,7 @@ class Counts:
 
     def rounded(self) -> Counts:
         """With severities of graded issues, added up, as whole numbers of issues."""
-        return replace(
-            self, inside_x=np.round(self.inside_x), outside_x=np.round(self.outside_x)
-        )
+        return replace(self, inside_x=np.round(self.inside_x), outside_x=np.round(self.outside_x))
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(
