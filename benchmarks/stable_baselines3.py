@@ -213,7 +213,7 @@ def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided
         n_steps=steps,
         batch_size=steps * settings.people // update.minibatches,
         n_epochs=update.passes,
-        gamma=update.gamma,
+        gamma=update.gamma or 0.0,
         gae_lambda=update.gae_lambda,
         clip_range=update.clip,
         ent_coef=update.entropy_coefficient,

@@ -103,12 +103,11 @@ class Apart:
 
     def __call__(self, *words: object, **options: Any) -> Ended:
         """Run a command to its end."""
-        done = subprocess.run(
-            [*self.program, *map(str, words)],
-            **{"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "check": False}
-            | {"errors": "backslashreplace"}
-            | options,
-        )
+        usual: dict[str, Any] = {
+            "stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "check": False,
+            "errors": "backslashreplace",
+        }  # fmt: skip
+        done = subprocess.run([*self.program, *map(str, words)], **(usual | options))
         return Ended(done.returncode, done.stdout or "", done.stderr or "")
 
     def with_small_files(self, largest: int, *words: object) -> Ended:

@@ -12,6 +12,7 @@ _PUBLIC = {
     "Detector": "evenhand.methods.paper.detector",
     "Fact": "evenhand.methods.scheme",
     "Guidance": "evenhand.methods.guidance",
+    "IDENTITIES": "evenhand.restaurant.people",
     "Identity": "evenhand.methods.vocabulary",
     "InputError": "evenhand.core.errors",
     "Interactions": "evenhand.methods.services",
@@ -33,10 +34,13 @@ _PUBLIC = {
     "load_detector": "evenhand.methods.detector_file",
     "load_plugin": "evenhand.core.plugins",
     "method": "evenhand.methods.registry",
+    "own_issue": "evenhand.methods.scheme",
     "paper_issues": "evenhand.methods.paper.issues",
     "register_policy": "evenhand.training.policy",
     "register_scenario": "evenhand.restaurant.worlds",
+    "scenario": "evenhand.restaurant.worlds",
     "score": "evenhand.methods.paper.issues",
+    "serve_people": "evenhand.restaurant.serve_people",
     "train": "evenhand.experiments.api",
 }
 """Public name -> where it lives; imported when first asked for: `import evenhand` is light."""

@@ -144,7 +144,7 @@ class TestEvery:
         method, rng = registry.create(name), np.random.default_rng(4)
         first = guidance.begin(method, SMALL)
         _, memory = guidance.teach(method, epoch(rng), first)
-        np.savez(tmp_path / "memory.npz", **tree.leaves(memory, "memory"))
+        np.savez(tmp_path / "memory.npz", allow_pickle=False, **tree.leaves(memory, "memory"))
         with np.load(tmp_path / "memory.npz") as saved:
             back = tree.fill(first, dict(saved), "memory")
         assert type(back) is type(memory)
@@ -220,7 +220,7 @@ class TestWrapped:
         wanted = served(whole, range(60))
         half = made()
         got = served(half, range(29))
-        np.savez(tmp_path / "half.npz", **half.state())
+        np.savez(tmp_path / "half.npz", allow_pickle=False, **half.state())
         resumed = made()
         with np.load(tmp_path / "half.npz") as saved:
             resumed.restore(saved)

@@ -296,4 +296,4 @@ def test_commands_and_settings_know_the_same_names_and_defaults():
     settings = TrainSettings()
     for name in ("seed", "epochs", "people", "population"):
         assert words[name] == getattr(settings, name), name
-    assert registry.create(words["guidance"]) == settings.method
+    assert registry.create(str(words["guidance"])) == settings.method

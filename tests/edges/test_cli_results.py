@@ -6,6 +6,7 @@ import json
 import pytest
 
 from evenhand.cli.evaluate import told
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.restaurant.robots import BIASES
 
 
@@ -38,8 +39,8 @@ def test_what_was_measured_is_told_with_units_and_numbers():
         "worst_group_rate": 0.5, "response_rate": 0.95, "mean_response_distance": 1.254,
         "mean_response_time": 45.25, "mean_service_seconds": 2.004,
     }  # fmt: skip
-    rows = {name: (value, of) for name, value, of in told(found)}
-    few = {name: value for name, value, _ in told(found | {"worst_group_rate": None})}
+    rows = {name: (value, of) for name, value, of in told(found, ISSUES)}
+    few = {name: value for name, value, _ in told(found | {"worst_group_rate": None}, ISSUES)}
     assert few["perfect services, worst-served group"] == "missing"
     assert len(rows) == 13
     assert rows["total issue score"] == ("0.500", "2 windows of 30 services")

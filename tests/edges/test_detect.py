@@ -124,14 +124,13 @@ ISSUES = ("willingness", "quality", "priority", "risk")
     ("changes", "said"),
     [
         (
-            # a detector is fed by position, so that another order would be silently wrong
-            {"issues": ["risk", "quality", "priority", "willingness"]},
-            "the detector judges risk, quality, priority, willingness, and training scores "
-            f"{', '.join(ISSUES)}, in this order: fit a detector to judgements of these issues",
+            {"issues": ["risk", "quality", "priority", "haste"]},
+            "the detector judges risk, quality, priority, haste, and training scores "
+            f"{', '.join(ISSUES)}: fit a detector to judgements of these issues",
         ),
         (
-            {"identities": ["race", "caste"]},
-            "the detector was taught with race, caste, and people in the restaurant have race, "
+            {"identities": ["class", "caste"]},
+            "the detector was taught with class, caste, and people in scenario 'even' have race, "
             "gender, age, disability, skin: fit a detector to judgements of these identities",
         ),
     ],

@@ -57,7 +57,7 @@ def services(x: np.ndarray = X) -> serve.Services:
     )
     rng = np.random.default_rng(1)
     seen = rng.normal(size=(5, 6, 25)).astype(np.float32) * MASK[..., None]
-    return serve.Services(facts, seen, np.zeros((5, 6), np.int32), MASK)
+    return serve.Services(facts, CODES, seen, np.zeros((5, 6), np.int32), MASK)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def made(chosen: TrainSettings, spec: Spec, memory: Memory) -> tuple[Epoch, Watc
     done = services(spec.x)
     value = np.asarray(state_values(train.untrained(chosen).policy, done.observation))
     detector = detector_file.load(detector_file.SHIPPED)
-    epoch, _ = epoch_of(chosen, done, CODES, detector, value, memory.guard)
+    epoch, _ = epoch_of(chosen, done, detector, value, memory.guard)
     # in place of what would be counted: nobody is late
     watch = Watch(memory.guard, spec.x, epoch.inside)
     return replace(epoch, x=spec.x, judge=lambda _: said, guard=watch), watch, value

@@ -8,10 +8,8 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.methods.services import Interactions
-from evenhand.restaurant import floor_plan, people, robots
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, recording, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import floor_plan, people, robots, serve_people, worlds
+from evenhand.restaurant.simulation import layout, recording
 from evenhand.restaurant.simulation.recording import Recording
 from evenhand.training import recordings
 
@@ -23,16 +21,11 @@ def places(n: int, seed: int = 3) -> layout.Setups:
 
 def served(n: int, robot: str = "ageist", seed: int = 3) -> tuple[Recording, Interactions]:
     """Services 0 to n - 1 of a scripted robot, 30 an epoch."""
+    world, scripted = worlds.scenario("even"), robots.ScriptedRobot(robot, 1.0)
     rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population("uniform"), n, rng)
-    scripted = robots.ScriptedRobot(robot, 1.0).robot(setups.asking, rng)
-    lanes = Lanes(n, task.TaskSettings())
-    done = serve.serve(lanes, setups, scripted, rng, sensing.SenseSettings(), recorded=True)
+    done = serve_people.serve_people(world, scripted, n, rng, recorded=True)
     assert done.seen is not None
-    table = serve.record(
-        done.facts, setups.asking, epoch=np.arange(n) // 30, scenario="even", robot=robot
-    )
-    return done.seen, table
+    return done.seen, serve_people.table(done, world, robot)
 
 
 def approach(distances: list[list[float]], interval: int = 5) -> Recording:

@@ -28,7 +28,7 @@ from evenhand.experiments.comparison.settings import (
 from evenhand.methods import registry
 from evenhand.methods.services import Interactions
 from evenhand.report import figure
-from evenhand.restaurant import people, scenarios
+from evenhand.restaurant import people, worlds
 from evenhand.training import run_folder
 from evenhand.training.settings import TrainSettings
 
@@ -36,7 +36,7 @@ from evenhand.training.settings import TrainSettings
 
 
 def test_names_that_stand_twice_stand_alike():
-    assert tuple(scenarios.SCENARIOS) == SCENARIOS
+    assert worlds.names() == SCENARIOS
     assert set(figures_compare.looks()) == {*ARMS, *UNTUNED} == {*CONTROLS, *registry.names()}
 
 

@@ -9,7 +9,7 @@ import pytest
 from evenhand.core.errors import InputError
 from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import Cell, CompareSettings
-from evenhand.restaurant import scenarios
+from evenhand.restaurant import worlds
 
 # level-up halves unevenness wherever it is, and the reference robot has none
 TOTALS = {
@@ -83,10 +83,10 @@ def test_one_common_seed_has_no_interval_and_none_no_number():
 
 
 def test_a_scenario_has_one_name():
-    assert scenarios.ordered("tips+perception") == "perception+tips"
-    assert scenarios.ordered("everyday") == "everyday"
+    assert worlds.ordered("tips+perception") == "perception+tips"
+    assert worlds.ordered("everyday") == "everyday"
     assert CompareSettings(scenarios=("tips+minority",)).scenarios == ("minority+tips",)
     with pytest.raises(InputError, match="scenarios is given twice"):
         CompareSettings(scenarios=("perception+tips", "tips+perception"))
     with pytest.raises(InputError, match="contradicts itself"):
-        scenarios.ordered("tips+everyday")
+        worlds.ordered("tips+everyday")

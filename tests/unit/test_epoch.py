@@ -6,33 +6,36 @@ import pytest
 from evenhand.methods import detector_file
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
-from evenhand.restaurant import people
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.restaurant import people, serve_people
+from evenhand.restaurant.simulation import serve
+from evenhand.restaurant.worlds import World
 from evenhand.training import epoch
+from evenhand.training.memory import Memory
+from evenhand.training.settings import TrainSettings
 
+WORLD = World()
 DETECTOR = detector_file.load(detector_file.SHIPPED)
 
 
 @pytest.fixture(scope="module")
-def served() -> tuple[layout.Setups, serve.Services]:
-    rng = np.random.default_rng(5)
-    setups = layout.draw(people.population("uniform"), 40, rng)
-
+def served() -> serve.Services:
     def robot(seen: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Half of the people are never answered."""
         return np.where(rows % 2 == 0, 0.06, 0.0)
 
-    return setups, serve.serve(
-        Lanes(16, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings()
-    )
+    return serve_people.serve_people(WORLD, robot, 40, np.random.default_rng(5))
+
+
+def epoch_of(served: serve.Services) -> Epoch:
+    settings = TrainSettings(people=40)
+    guard = Memory.begin(settings).guard
+    return epoch.epoch_of(settings, served, DETECTOR, np.zeros(served.mask.shape), guard)[0]
 
 
 def test_issues_and_groups_are_those_of_the_table(served):
-    setups, done = served
-    found = epoch.judged_by(done, setups.asking, DETECTOR)
-    table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
+    found = epoch_of(served)
+    table = serve_people.table(served, WORLD, "none")
     who = issues.membership(table)
     assert who.groups == tuple(people.GROUPS)
     np.testing.assert_array_equal(found.inside, who.inside)
@@ -41,9 +44,8 @@ def test_issues_and_groups_are_those_of_the_table(served):
 
 
 def test_scores_and_verdict_are_those_of_the_table(served):
-    setups, done = served
-    found = epoch.judged_by(done, setups.asking, DETECTOR)
-    table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
+    found = epoch_of(served)
+    table = serve_people.table(served, WORLD, "none")
     wanted = issues.score(table)
     np.testing.assert_array_equal(found.scores.overall, wanted.overall)
     said = DETECTOR.judge_window({name: wanted.by_identity[name] for name in DETECTOR.identities})
@@ -52,7 +54,6 @@ def test_scores_and_verdict_are_those_of_the_table(served):
 
 
 def test_nobody_is_judged_before_it_is_asked_for(served, monkeypatch):
-    setups, done = served
     asked = []
     judge = Detector.judge_window
 
@@ -61,7 +62,7 @@ def test_nobody_is_judged_before_it_is_asked_for(served, monkeypatch):
         return judge(self, scores)
 
     monkeypatch.setattr(Detector, "judge_window", noted)
-    found = epoch.judged_by(done, setups.asking, DETECTOR)
+    found = epoch_of(served)
     assert found.scores.total >= 0
     assert not asked
     assert [found.biased, found.biased] == [bool(found.verdict.biased)] * 2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evenhand.restaurant import people
+from evenhand.restaurant.worlds import World
 from evenhand.training import imitation, train
 from evenhand.training.batches import Trajectories
 from evenhand.training.observation import view
@@ -28,10 +29,7 @@ OTHERS = np.array(
 
 
 def demonstrations(settings: TrainSettings, seed: int = 0) -> Trajectories:
-    world, rng = settings.world, np.random.default_rng(seed)
-    shown = imitation.demonstrate(
-        world.prejudice, world.population, settings.task, settings.sensor, settings.needs, rng
-    )
+    shown = imitation.demonstrate(settings.world, np.random.default_rng(seed))
     return shown._replace(obs=view(settings, np.asarray(shown.obs)))
 
 
@@ -109,9 +107,7 @@ def test_robots_without_bias_leave_no_gap(monkeypatch):
     """Strength 0: whoever asks is served properly, and so the clone responds to both."""
     monkeypatch.setattr(imitation, "SERVICES", SERVICES)
     rng = np.random.default_rng(0)
-    shown = imitation.demonstrate(
-        0.0, "uniform", SETTINGS.task, SETTINGS.sensor, SETTINGS.needs, rng
-    )
+    shown = imitation.demonstrate(World(), rng)
     assert (shown.action.sum(axis=1) == 1).all()
     shown = shown._replace(obs=view(SETTINGS, np.asarray(shown.obs)))
     after = imitation.imitate(train.untrained(SETTINGS), shown, rng)

@@ -6,9 +6,9 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods import registry
-from evenhand.restaurant.scenarios import Scenario
 from evenhand.restaurant.scenarios.needs import NeedSettings
 from evenhand.restaurant.scenarios.sensing import SenseSettings
+from evenhand.restaurant.worlds import World
 from evenhand.training.settings import TrainSettings, settings_of
 
 PRINTED = ("score", "penalty")
@@ -89,25 +89,20 @@ def test_what_goes_together(right):
 
 
 def test_a_scenario_brings_its_population_unless_one_is_given():
-    assert TrainSettings(scenario="minority").world == Scenario("us", needs=1.0)
+    assert TrainSettings(scenario="minority").world == World("us", needs=1.0)
     given = TrainSettings(scenario="minority", population="fairface")
-    assert given.world == Scenario("fairface", needs=1.0)
-    assert TrainSettings(population="us").world == Scenario("us")
-    assert TrainSettings(scenario="minority", population="uniform").world == Scenario(needs=1.0)
+    assert given.world == World("fairface", needs=1.0)
+    assert TrainSettings(population="us").world == World("us")
+    assert TrainSettings(scenario="minority", population="uniform").world == World(needs=1.0)
 
 
-def test_a_scenario_sets_the_sensor_and_nothing_else_of_it():
-    sense = SenseSettings(noise=0.05, dropout=0.1)
-    chosen = TrainSettings("service", scenario="perception+tips", sense=sense)
-    assert chosen.sensor == SenseSettings(noise=0.05, dropout=0.1, perception=1.0)
-    assert TrainSettings("service", scenario="everyday").sensor == SenseSettings(0.01, 0.02, 0.5)
-    assert TrainSettings().sensor == SenseSettings()
-
-
-def test_a_scenario_sets_the_needs():
-    assert TrainSettings(scenario="minority").needs == NeedSettings(1.0)
-    assert TrainSettings("service", scenario="everyday").needs == NeedSettings(0.5)
-    assert TrainSettings(scenario="perception").needs == NeedSettings(0.0)
+def test_a_scenario_sets_the_sensor_and_the_needs():
+    found = TrainSettings("service", scenario="perception+tips").world
+    assert (found.sensor, found.need) == (SenseSettings(perception=1.0), NeedSettings(0.0))
+    found = TrainSettings("service", scenario="everyday").world
+    assert (found.sensor, found.need) == (SenseSettings(0.01, 0.02, 0.5), NeedSettings(0.5))
+    assert TrainSettings(scenario="minority").world.need == NeedSettings(1.0)
+    assert TrainSettings().world.sensor == SenseSettings()
 
 
 def test_arms_of_the_experiment():
@@ -117,13 +112,8 @@ def test_arms_of_the_experiment():
     assert (paper.method, paper.update.anneal_updates) == (registry.create("score"), 9)
     service = settings_of("service", "ppo", "levelup")
     assert (service.update.gamma, service.update.anneal_updates) == (1.0, 300)
-    assert service.world == Scenario()
+    assert service.world == World()
     with pytest.raises(InputError, match="unknown preset 'papers': did you mean 'paper'"):
         settings_of("papers", "ppo", "score")
     with pytest.raises(InputError, match=r"preset paper rewards Eq\. 4/5 and nothing else"):
         settings_of("paper", "ppo", "influence")
-
-
-def test_perception_is_set_by_the_scenario_alone():
-    with pytest.raises(InputError, match=r"sense\.perception is 0\.5: .* name the scenario"):
-        TrainSettings(sense=SenseSettings(perception=0.5))

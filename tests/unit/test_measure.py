@@ -8,6 +8,8 @@ import pytest
 from evenhand.methods.paper import issues
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import people
+from evenhand.restaurant.robots import ScriptedRobot
+from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, train
 from evenhand.training.settings import TrainSettings
 
@@ -137,13 +139,13 @@ class TestSummary:
 
 class TestServing:
     def test_scripted(self):
-        table = evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
+        table = evaluate.serve_scripted(ScriptedRobot("ableist"), World(), 70, seed=4)
         assert len(table) == 70
         np.testing.assert_array_equal(table.fact("service"), np.arange(70))
         np.testing.assert_array_equal(table.fact("epoch"), np.arange(70) // 30)
         assert set(table.fact("robot")) == {"ableist"}
-        assert table == evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=4)
-        assert table != evaluate.serve_scripted("ableist", 1.0, "uniform", 70, seed=5)
+        assert table == evaluate.serve_scripted(ScriptedRobot("ableist"), World(), 70, seed=4)
+        assert table != evaluate.serve_scripted(ScriptedRobot("ableist"), World(), 70, seed=5)
 
     def test_a_policy(self):
         settings = TrainSettings(seed=3)
@@ -157,7 +159,8 @@ class TestServing:
     def test_a_policy_before_other_people(self):
         settings = TrainSettings(seed=3, population="uniform")
         state = train.begin(settings)
-        table = evaluate.serve_policy(state, settings, 90, seed=4, population="fairface")
+        world = settings.elsewhere(None, "fairface")
+        table = evaluate.serve_policy(state, settings, 90, seed=4, world=world)
         # of whom the published numbers hold no American Indian and no Native Hawaiian
         codes, categories = table.identity("race")
         assert {categories[code] for code in codes} <= {"White", "Black", "Asian", "Other"}

@@ -6,22 +6,20 @@ import numpy as np
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.restaurant import floor_plan, people, robots
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, recording, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import floor_plan, robots, serve_people
+from evenhand.restaurant.simulation import layout, recording, serve
+from evenhand.restaurant.worlds import World
 
 N = 24
 GRID = 1 / 4000
+WORLD, ROBOT = World(), robots.ScriptedRobot("racist", 1.0)
 
 
 @pytest.fixture(scope="module")
 def served() -> tuple[layout.Setups, serve.Services]:
-    rng = np.random.default_rng(3)
-    setups = layout.draw(people.population("uniform"), N, rng)
-    robot = robots.ScriptedRobot("racist", 1.0).robot(setups.asking, rng)
-    lanes = Lanes(7, task.TaskSettings())  # fewer lanes than services: they are served in turns
-    return setups, serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(), recorded=True)
+    engine = serve_people.engine(WORLD, 7)  # fewer lanes than services: they are served in turns
+    ahead = serve_people.draw(WORLD, N, np.random.default_rng(3), engine, ROBOT)
+    return ahead.drawn.setups, engine.run(ahead.drawn, ahead.robot, recorded=True)
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +70,7 @@ def test_what_was_sensed_is_known_at_each_decision(served, seen):
 
 
 def test_recording_changes_nothing(served):
-    rng = np.random.default_rng(3)
-    setups = layout.draw(people.population("uniform"), N, rng)
-    robot = robots.ScriptedRobot("racist", 1.0).robot(setups.asking, rng)
-    plain = serve.serve(Lanes(7, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
+    plain = serve_people.serve_people(WORLD, ROBOT, N, np.random.default_rng(3))
     assert plain.seen is None
     for name, values in vars(plain.facts).items():
         np.testing.assert_array_equal(values, getattr(served[1].facts, name))

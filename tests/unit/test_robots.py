@@ -11,11 +11,9 @@ from scipy import stats
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
-from evenhand.restaurant import people, robots
+from evenhand.restaurant import people, robots, serve_people
 from evenhand.restaurant.robots import BIASES, MANNERS, NAMES, ScriptedRobot
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.worlds import World
 
 EVERYONE = np.stack(
     np.meshgrid(*[np.arange(len(i.groups)) for i in people.IDENTITIES], indexing="ij"), axis=-1
@@ -109,21 +107,20 @@ class TestWrongSettings:
 
 
 N = 120
+EXACT = World(noise=0.0, dropout=0.0)
 
 
 @pytest.fixture(scope="module")
 def manners() -> Mapping[str, Any]:
     """Facts and issues of services in each manner, with a sensor that says the truth."""
-    lanes, out = Lanes(N, task.TaskSettings()), {}
+    engine, out = serve_people.engine(EXACT, N), {}
     for code, name in enumerate(MANNERS):
-        rng = np.random.default_rng(5)
-        setups = layout.draw(people.population("uniform"), N, rng)
-        robot = robots.of_manners(np.full(N, code), rng)
-        done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(0.0, 0.0))
-        table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="even")
+        robot = robots.Mannered(lambda codes, rng, code=code: np.full(N, code))
+        ahead = serve_people.draw(EXACT, N, np.random.default_rng(5), engine, robot)
+        done, setups = engine.run(ahead.drawn, ahead.robot), ahead.drawn.setups
         start = setups.start[:, 0] + 1j * setups.start[:, 1]
         legs = np.diff(np.concatenate([start[:, None], setups.way], axis=1), axis=1)
-        out[name] = done.facts, issues.indicators(table), np.abs(legs).sum(axis=1)
+        out[name] = done.facts, EXACT.indicators(done), np.abs(legs).sum(axis=1)
     return out
 
 
@@ -188,17 +185,12 @@ class TestManners:
         assert sum(facts.contact_steps.sum() for facts, *_ in manners.values()) == 0
 
     def test_every_service_keeps_to_its_own_manner(self):
-        rng = np.random.default_rng(6)
         codes = np.arange(48) % 6
-        setups = layout.draw(people.population("uniform"), 48, rng)
+        robot = robots.Mannered(lambda people, rng: codes)
         # fewer lanes than services: rows are told apart over several rounds
-        done = serve.serve(
-            Lanes(7, task.TaskSettings()),
-            setups,
-            robots.of_manners(codes, rng),
-            rng,
-            sensing.SenseSettings(0.0, 0.0),
-        )
+        engine = serve_people.engine(EXACT, 7)
+        ahead = serve_people.draw(EXACT, 48, np.random.default_rng(6), engine, robot)
+        done = engine.run(ahead.drawn, ahead.robot)
         np.testing.assert_array_equal(done.facts.responded, codes != 5)
         np.testing.assert_array_equal(done.facts.steps == 0, codes == 1)
         assert (done.facts.steps[codes == 4] > 200).all()
@@ -208,12 +200,9 @@ class TestManners:
 
 @pytest.mark.parametrize(("name", "identity"), [(n, b.identity) for n, b in BIASES.items()])
 def test_a_biased_robot_is_uneven_about_its_own_identity(name, identity):
-    rng = np.random.default_rng(7)
-    setups = layout.draw(people.population("uniform"), 600, rng)
-    robot = ScriptedRobot(name).robot(setups.asking, rng)
-    done = serve.serve(Lanes(120, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
-    table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot=name)
-    scores = issues.score(table)
+    world = World()
+    done = serve_people.serve_people(world, ScriptedRobot(name), 600, np.random.default_rng(7))
+    scores = issues.score(serve_people.table(done, world, name))
     totals = {one.name: float(scores.total_of(one.name)) for one in people.IDENTITIES}
     assert max(totals, key=lambda one: totals[one]) == identity
     assert totals[identity] > 2 * max(v for one, v in totals.items() if one != identity)

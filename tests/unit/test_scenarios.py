@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.scenarios import SCENARIOS, Scenario, needs, scenario, sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import people, serve_people, worlds
+from evenhand.restaurant.worlds import AnyRobot, World, scenario
 
 SERVICES = 600
 
@@ -16,24 +14,22 @@ SERVICES = 600
 
 
 def test_the_names_and_what_they_set():
-    assert dict(SCENARIOS) == {
-        "even": Scenario("uniform", perception=0.0, needs=0.0, tips=0.0, prejudice=0.0),
-        "prejudiced": Scenario("uniform", perception=0.0, needs=0.0, tips=0.0, prejudice=1.0),
-        "perception": Scenario("uniform", perception=1.0, needs=0.0, tips=0.0, prejudice=0.0),
-        "minority": Scenario("us", perception=0.0, needs=1.0, tips=0.0, prejudice=0.0),
-        "tips": Scenario("uniform", perception=0.0, needs=0.0, tips=1.0, prejudice=0.0),
-        "everyday": Scenario("us", perception=0.5, needs=0.5, tips=0.5, prejudice=0.0),
+    assert {name: scenario(name) for name in worlds.names()} == {
+        "even": World("uniform", perception=0.0, needs=0.0, tips=0.0, prejudice=0.0),
+        "prejudiced": World("uniform", perception=0.0, needs=0.0, tips=0.0, prejudice=1.0),
+        "perception": World("uniform", perception=1.0, needs=0.0, tips=0.0, prejudice=0.0),
+        "minority": World("us", perception=0.0, needs=1.0, tips=0.0, prejudice=0.0),
+        "tips": World("uniform", perception=0.0, needs=0.0, tips=1.0, prejudice=0.0),
+        "everyday": World("us", perception=0.5, needs=0.5, tips=0.5, prejudice=0.0),
     }
-    for name, expected in SCENARIOS.items():
-        assert scenario(name) == expected
 
 
 COMBINED = [
-    ("perception+tips", Scenario(perception=1.0, tips=1.0)),
-    ("tips+perception", Scenario(perception=1.0, tips=1.0)),
-    ("tips+minority", Scenario("us", needs=1.0, tips=1.0)),
-    ("everyday+prejudiced", Scenario("us", 0.5, 0.5, 0.5, 1.0)),
-    ("prejudiced+perception+minority+tips", Scenario("us", 1.0, 1.0, 1.0, 1.0)),
+    ("perception+tips", World(perception=1.0, tips=1.0)),
+    ("tips+perception", World(perception=1.0, tips=1.0)),
+    ("tips+minority", World("us", needs=1.0, tips=1.0)),
+    ("everyday+prejudiced", World("us", 0.5, 0.5, 0.5, 1.0)),
+    ("prejudiced+perception+minority+tips", World("us", 1.0, 1.0, 1.0, 1.0)),
 ]
 
 
@@ -88,7 +84,7 @@ def test_what_is_no_scenario(name, said):
 )
 def test_impossible_scenarios(wrong, said):
     with pytest.raises(InputError) as refused:
-        Scenario(**wrong)
+        World(**wrong)
     assert str(refused.value).startswith(said)
 
 
@@ -127,7 +123,8 @@ AT = [
 
 @pytest.mark.parametrize(("name", "who", "now", "age", "reading"), AT)
 def test_when_the_reference_responds(name, who, now, age, reading):
-    robot = robots.reference(scenario(name))
+    robot = scenario(name).reference
+    assert callable(robot)
     seen = np.zeros((2, 25), np.float32)
     seen[:, :22] = people.encode(np.array([who]))
     seen[:, 22] = np.array([reading - 0.005, reading + 0.005]) / 5.0
@@ -139,30 +136,25 @@ def test_when_the_reference_responds(name, who, now, age, reading):
 # --- what it attains ---
 
 
-def served(name: str, robot: serve.Robot) -> tuple[np.ndarray, np.ndarray]:
+def reference(name: str) -> AnyRobot:
+    return scenario(name).robot_to_compare_with()
+
+
+def served(name: str, robot: AnyRobot) -> tuple[np.ndarray, np.ndarray]:
     """Who asked, and whose service was perfect, in 600 services of a scenario."""
-    world, rng = scenario(name), np.random.default_rng(7)
-    setups = layout.draw(people.population(world.population), SERVICES, rng)
-    done = serve.serve(
-        Lanes(200, task.TaskSettings()),
-        setups,
-        robot,
-        rng,
-        sensing.SenseSettings(perception=world.perception),
-        needs.NeedSettings(world.needs),
-    )
-    return setups.asking, done.facts.perfect
+    done = serve_people.serve_people(scenario(name), robot, SERVICES, np.random.default_rng(7))
+    return done.codes, done.facts.perfect
 
 
 @pytest.mark.parametrize("name", ["even", "tips", "prejudiced"])
 def test_where_all_are_served_alike_the_reference_is_perfect(name):
-    _, perfect = served(name, robots.reference(scenario(name)))
+    _, perfect = served(name, reference(name))
     assert perfect.mean() >= 0.99
 
 
 @pytest.mark.parametrize("name", ["perception", "minority", "everyday"])
 def test_the_reference_makes_up_for_what_is_uneven(name):
-    codes, own = served(name, robots.reference(scenario(name)))
+    codes, own = served(name, reference(name))
     assert own.mean() >= 0.97
     child, elder, wheelchair = codes[:, 2] == 0, codes[:, 2] == 4, codes[:, 3] == 0
     for group in (child, elder, wheelchair):
@@ -171,8 +163,8 @@ def test_the_reference_makes_up_for_what_is_uneven(name):
 
 def test_in_perception_going_by_raw_readings_serves_children_worse():
     """1.3 m read are 0.99 m of a child and 0.98 m of who sits: hardly ever a proper distance."""
-    codes, naive = served("perception", robots.reference(scenario("even")))
-    _, own = served("perception", robots.reference(scenario("perception")))
+    codes, naive = served("perception", reference("even"))
+    _, own = served("perception", reference("perception"))
     child, wheelchair = codes[:, 2] == 0, codes[:, 3] == 0
     assert naive[~child & ~wheelchair].mean() >= 0.95
     assert naive[child & ~wheelchair].mean() <= 0.5
@@ -182,8 +174,8 @@ def test_in_perception_going_by_raw_readings_serves_children_worse():
 
 def test_in_minority_serving_all_alike_serves_elders_and_wheelchair_users_worse():
     """At 1.2-1.3 m an elder hardly hears it, and who sits in a wheelchair has it too near."""
-    codes, naive = served("minority", robots.reference(scenario("even")))
-    _, own = served("minority", robots.reference(scenario("minority")))
+    codes, naive = served("minority", reference("even"))
+    _, own = served("minority", reference("minority"))
     elder, wheelchair = codes[:, 2] == 4, codes[:, 3] == 0
     assert naive[~elder & ~wheelchair].mean() >= 0.99
     assert naive[elder].mean() <= 0.3

@@ -39,7 +39,7 @@ def test_every_leaf_has_its_path():
 
 
 def test_there_and_back_to_the_bit(tmp_path):
-    np.savez(tmp_path / "a.npz", **tree.leaves(TREE, "t"))
+    np.savez(tmp_path / "a.npz", allow_pickle=False, **tree.leaves(TREE, "t"))
     with np.load(tmp_path / "a.npz", allow_pickle=False) as saved:
         back = tree.fill(TREE, saved, "t")
     assert back["inner"].strength == 0.1 + 0.2 != 0.3

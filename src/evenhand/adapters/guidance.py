@@ -169,18 +169,19 @@ class Guide:
             mask: 1 for decisions that happened, [n, L]; by default each service is one decision.
             advantage: of the decisions, [n, L]; by default the return of the service.
         """
+        happened = np.ones((len(x), 1)) if mask is None else mask
         watch = Watch(self.past.guard, x, inside)
 
         def advantages_of(rewards: np.ndarray) -> np.ndarray:
             if advantage is None:
                 return np.asarray(rewards, float)[:, None]
-            return advantage + np.where(mask, (rewards - reward)[:, None], 0.0)
+            return advantage + np.where(happened, (rewards - reward)[:, None], 0.0)
 
         found = Epoch(
             x=x,
             inside=inside,
             reward=np.asarray(reward, float),
-            mask=np.ones((len(x), 1)) if mask is None else mask,
+            mask=happened,
             groups=self._scheme.groups,
             issues=self._scheme.issue_names,
             tau=self._tau,

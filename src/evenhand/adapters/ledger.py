@@ -266,7 +266,7 @@ class Ledger:
         if self.detector is not None:
             probability = judged(self.detector, scores, self._known)
             biased = np.any(probability > self.detector.threshold, axis=-1)
-        excess = chance.excess_scores(counts, self.scheme.groups, names)
+        excess = chance.excess_scores(counts.rounded(), self.scheme.groups, names)
         return Windows(self.settings.services, counts, scores, excess, probability, biased, paid)
 
     def _make_room(self, more: int) -> None:

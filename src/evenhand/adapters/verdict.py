@@ -25,6 +25,7 @@ def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findin
         raise InputError("no service has ended yet: there is nothing to judge")
     chosen = settings or AuditSettings()
     x, inside = ledger.rows()
+    x = np.where(np.isnan(x), np.nan, x >= 0.5)  # graded issues as yes or no
     rng = np.random.default_rng(chosen.seed)
     found, test = judge_table(x, inside, np.ones(len(x), np.int64), rng, chosen.verdict)
     scheme = ledger.scheme

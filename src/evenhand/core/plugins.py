@@ -11,12 +11,13 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import os
+import re
 import sys
 import tempfile
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any
 
 from evenhand.core.errors import InputError
@@ -24,6 +25,7 @@ from evenhand.core.errors import InputError
 VARIABLE = "EVENHAND_PLUGINS"
 """Environment variable with the files that were loaded: worker processes load them, too."""
 
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _files: dict[Path, ModuleType] = {}
 _groups: set[str] = set()
 _received: dict[tuple[str, str], Path] = {}
@@ -136,6 +138,42 @@ def source_of(code: Any) -> str | None:
         codes = [getattr(part, "__code__", None) for part in parts]
         text = repr([(c.co_code, c.co_names, _constants(c)) for c in codes if c]).encode()
     return hashlib.sha256(text).hexdigest()[:16]
+
+
+def check_name(kind: str, name: Any) -> None:
+    """Whether something can be registered by a name: it becomes part of names of folders.
+
+    Raises:
+        InputError: when it cannot.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise InputError(f"a {kind} cannot be called {name!r}: give letters, digits, - and _")
+
+
+def origin(frame: FrameType, *code: Any) -> tuple[str, str | None]:
+    """Where something is registered from.
+
+    Args:
+        frame: that registers it.
+        code: what is registered; functions and classes count.
+
+    Returns:
+        Where it is defined, equal for a cell of a notebook that is run again; and a hash of its
+        source and of the file that registers it, None for Evenhand's own, see ``source_of``.
+    """
+    module = frame.f_globals.get("__name__", "")
+    written = [one for one in code if hasattr(one, "__module__") and hasattr(one, "__qualname__")]
+    found = [source_of(one) for one in written]
+    if module.partition(".")[0] != "evenhand":
+        file = frame.f_globals.get("__file__")
+        text = module.encode()
+        if file is not None and Path(file).is_file():
+            text = Path(file).read_bytes()
+        found.append(hashlib.sha256(text).hexdigest()[:16])
+    names = [f"{one.__module__}.{one.__qualname__}" for one in written]
+    hashes = sorted({one for one in found if one is not None})
+    place = f"{frame.f_globals.get('__file__', module)}: {' '.join(names) or frame.f_lineno}"
+    return place, "+".join(hashes) or None
 
 
 def _constants(code: Any) -> list[Any]:

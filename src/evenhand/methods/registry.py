@@ -150,7 +150,7 @@ def method(
             raise InputError(f"method {name!r}: give {field} the default {strength} in the class")
         has = field if field in names else None
         _entries[name] = Entry(name, kind, label or name, colour, marker, filled, own, has)
-        return kind
+        return kind  # type: ignore[return-value]
 
     return register
 

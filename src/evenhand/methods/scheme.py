@@ -102,6 +102,8 @@ def own_issue(
     needs: Sequence[str],
     rule: Callable[..., np.ndarray],
     where: Callable[..., np.ndarray] | None = None,
+    *,
+    graded: bool = False,
 ) -> Issue:
     """An issue of one's own.
 
@@ -112,13 +114,15 @@ def own_issue(
             each, NaN where missing, to bool [n].
         where: the same for whether it can be said of a service at all; both sides of Eq. 1 count
             these only, as lateness is said of responses only. By default of every service.
+        graded: the rule gives how severe the issue is, from 0 (none) to 1, and Eq. 1 compares mean
+            severities. What needs a yes or no, such as verdicts, calls 0.5 and more an issue.
 
     Returns:
         The issue; not known where a fact that it needs is missing.
 
     Raises:
         InputError: when it needs no fact; and, once used, when a rule gives something else than
-            one True or False a service.
+            one True or False, or one severity, per service.
     """
     needs = (needs,) if isinstance(needs, str) else tuple(needs)
     if not needs:
@@ -133,6 +137,20 @@ def own_issue(
             )
         return found
 
+    def severity(columns: list[Any], known: np.ndarray) -> np.ndarray:
+        found = np.asarray(rule(*columns), float)
+        if found.shape != known.shape:
+            raise InputError(
+                f"issue {name!r}: its rule gave an array of shape {found.shape} for {len(known)} "
+                "services: give a severity for each"
+            )
+        if (wrong := known & ~((found >= 0.0) & (found <= 1.0))).any():
+            row = int(np.flatnonzero(wrong)[0])
+            raise InputError(
+                f"issue {name!r} has severity {found[row]:g} in service {row}: give 0 to 1"
+            )
+        return found
+
     def told(facts: Facts) -> np.ndarray:
         columns = [facts.fact(fact) for fact in needs]
         if not len(columns[0]):
@@ -140,7 +158,8 @@ def own_issue(
         known = ~np.any([_missing(column) for column in columns], axis=0)
         if where is not None:
             known &= asked("where", where, columns)
-        return np.where(known, asked("rule", rule, columns), np.nan)
+        happened = severity(columns, known) if graded else asked("rule", rule, columns)
+        return np.where(known, happened, np.nan)
 
     return Issue(name, told, needs)
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from evenhand.core import plugins, source
+from evenhand.core import plugins
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.scheme import Fact, Scheme, paper_facts
@@ -265,6 +265,7 @@ class _Registered:
 
     world: World | Callable[[], World]
     reference: AnyRobot | None
+    place: str
     source: str | None
     of_session: bool
 
@@ -286,12 +287,15 @@ def register_scenario(
     Raises:
         InputError: for a name that is taken or cannot be one, or something that is no world.
     """
-    source.check_name("scenario", name, _SCENARIOS)
+    plugins.check_name("scenario", name)
     if not (isinstance(world, World) or callable(world)):
         raise InputError(f"scenario {name!r}: world is {world!r}: give a World or a function")
-    caller = sys._getframe(1).f_globals
-    text = source.source_hash(caller.get("__file__"), *map(source.file_of, (world, reference)))
-    _SCENARIOS[name] = _Registered(world, reference, text, caller["__name__"] == "__main__")
+    frame = sys._getframe(1)
+    place, text = plugins.origin(frame, world, reference)
+    if name in _SCENARIOS and _SCENARIOS[name].place != place:
+        raise InputError(f"there is a scenario {name!r} already: register yours by another name")
+    session = frame.f_globals["__name__"] == "__main__"
+    _SCENARIOS[name] = _Registered(world, reference, place, text, session)
 
 
 def names() -> tuple[str, ...]:
@@ -341,7 +345,7 @@ def scenario(name: str, population: str | None = None) -> World:
     parts = name.split("+")
     for one in parts:
         if one not in names():
-            raise unknown("scenario", one, _SCENARIOS)
+            raise unknown("scenario", one, names())
     if len(set(parts)) < len(parts):
         raise InputError(f"scenario {name!r} names one of them twice: drop one")
     if len(parts) > 1 and "even" in parts:

@@ -49,7 +49,7 @@ def epoch_of(
         tau=np.array(settings.tau),
         advantages_of=lambda rewards: over_decisions(settings, done.mask, value, rewards),
         excess_of=lambda counts: float(
-            chance.excess_scores(counts, scheme.groups, scheme.issue_names).total
+            chance.excess_scores(counts.rounded(), scheme.groups, scheme.issue_names).total
         ),
         judge=judge_of(detector, () if detector is None else detector.identities),
         guard=watch,

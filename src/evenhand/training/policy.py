@@ -24,7 +24,6 @@ from scipy.special import expit
 
 from evenhand.core import forks, plugins
 from evenhand.core.errors import InputError, unknown
-from evenhand.core.source import check_name, file_of, source_hash
 
 WALK = 0
 RESPOND = 1
@@ -61,7 +60,7 @@ class PolicySettings:
 
     def __post_init__(self) -> None:
         if self.kind not in names():
-            raise unknown("policy", self.kind, _POLICIES)
+            raise unknown("policy", self.kind, names())
         layers, units = MOST_HIDDEN
         if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
             raise InputError(
@@ -94,6 +93,7 @@ Make = Callable[[int, PolicySettings, np.random.Generator], Any]
 
 class _Registered(NamedTuple):
     make: Make
+    place: str
     source: str | None
 
 
@@ -113,9 +113,11 @@ def register_policy(name: str, make: Make) -> None:
     Raises:
         InputError: for a name that is taken or cannot be one.
     """
-    check_name("policy", name, _POLICIES)
-    caller = sys._getframe(1).f_globals.get("__file__")
-    _POLICIES[name] = _Registered(make, source_hash(caller, file_of(make)))
+    plugins.check_name("policy", name)
+    place, source = plugins.origin(sys._getframe(1), make)
+    if name in _POLICIES and _POLICIES[name].place != place:
+        raise InputError(f"there is a policy {name!r} already: register yours by another name")
+    _POLICIES[name] = _Registered(make, place, source)
 
 
 def names() -> tuple[str, ...]:

@@ -230,7 +230,7 @@ def test_its_state_goes_on_in_another_callback(name, tmp_path):
     first = made()
     model = ppo(DummyVecEnv([toys.Toy] * 3))
     model.learn(96, first)
-    np.savez(tmp_path / "state.npz", **first.state())
+    np.savez(tmp_path / "state.npz", allow_pickle=False, **first.state())
     model.save(tmp_path / "model.zip")
     resumed = made()
     with np.load(tmp_path / "state.npz") as saved:

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from evenhand.experiments import footage as sources
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.simulation import layout
+from evenhand.restaurant import robots
+from evenhand.restaurant.worlds import World
 
 
 @pytest.fixture(scope="session")
 def footage():
     """Service i is served in manner i of ``robots.MANNERS``."""
-    rng = np.random.default_rng(3)
-    setups = layout.draw(people.population("uniform"), len(robots.MANNERS), rng)
-    robot = robots.of_manners(np.arange(len(setups)), rng)
-    return sources.recorded(robot, setups, rng, "scripted")
+    robot = robots.Mannered(lambda codes, rng: np.arange(len(codes)))
+    return sources.recorded(World(name="even"), robot, len(robots.MANNERS), 3, "scripted")

@@ -3,12 +3,16 @@
 import numpy as np
 
 from evenhand.experiments import footage as sources
+from evenhand.restaurant import worlds
+from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.training import evaluate
 
 
 def test_a_scripted_robot_serves_as_when_it_is_evaluated():
     film = sources.from_robot("ageist", 0.7, "us", 11, services=60)
-    assert film.facts == evaluate.serve_scripted("ageist", 0.7, "us", 60, 11)
+    assert film.facts == evaluate.serve_scripted(
+        ScriptedRobot("ageist", 0.7), worlds.scenario("even", "us"), 60, 11
+    )
 
 
 def test_poses_and_facts_are_of_the_same_services(footage):

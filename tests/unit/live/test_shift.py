@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.restaurant import floor_plan, people, scenarios
+from evenhand.restaurant import floor_plan, serve_people
 from evenhand.restaurant.live import shift
 from evenhand.restaurant.live.shift import BATCH, Shift, Tally
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.robots import ScriptedRobot
+from evenhand.restaurant.simulation import serve
+from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, train
 from evenhand.training.settings import TrainSettings
 
@@ -38,26 +38,20 @@ def assert_same_facts(found: list[shift.Outcome], facts: serve.Facts) -> None:
     [("even", "even", 5), ("racist", "everyday", 5), ("ageist", "perception+minority", 12)],
 )
 def test_facts_are_those_of_services_served_at_once(name, scenario, interval):
-    cast = replace(shift.scripted(name, 1.0, scenario), decide=task.TaskSettings(interval))
+    cast = shift.scripted(name, 1.0, scenario)
+    cast = replace(cast, world=replace(cast.world, interval=interval))
     found = outcomes(Shift(cast, 7), 2 * BATCH)
-    world = scenarios.SCENARIOS["everyday"] if scenario == "everyday" else None
     rng = np.random.default_rng(7)
     for batch in range(2):
-        setups = layout.draw(people.population(cast.population), BATCH, rng)
-        robot = cast.robot(setups.asking, rng)
-        lanes = Lanes(BATCH, task.TaskSettings(interval))
-        sense, wanted = cast.sense, cast.wanted
-        if world is not None:
-            assert (sense.perception, wanted.strength) == (world.perception, world.needs)
-        done = serve.serve(lanes, setups, robot, rng, sense, wanted)
+        done = serve_people.serve_people(cast.world, cast.robot, BATCH, rng)
         part = found[batch * BATCH : (batch + 1) * BATCH]
         assert_same_facts(part, done.facts)
-        np.testing.assert_array_equal([o.codes for o in part], setups.asking)
+        np.testing.assert_array_equal([o.codes for o in part], done.codes)
 
 
 def test_the_first_services_are_those_that_evaluate_measures():
     found = outcomes(Shift(shift.scripted("ageist", 0.5, "even"), 3), BATCH)
-    table = evaluate.serve_scripted("ageist", 0.5, "uniform", BATCH, 3)
+    table = evaluate.serve_scripted(ScriptedRobot("ageist", 0.5), World(), BATCH, 3)
     perfect = [
         not (outcome.issues == 1.0).any() and outcome.facts.responded[0] for outcome in found
     ]
@@ -70,10 +64,7 @@ def test_the_first_services_are_those_that_evaluate_measures():
 def test_a_policy_is_shown_as_it_is_measured():
     settings = TrainSettings(scenario="perception")
     state = train.untrained(settings)
-    cast = shift.Cast(
-        "policy", "perception", "uniform", lambda codes, rng: train.robot(settings, state.policy),
-        settings.task, settings.sensor, settings.needs,
-    )  # fmt: skip
+    cast = shift.Cast("policy", settings.world, train.robot(settings, state.policy))
     found = outcomes(Shift(cast, 11), BATCH)
     table = evaluate.serve_policy(state, settings, BATCH, 11)
     np.testing.assert_array_equal(
@@ -119,7 +110,7 @@ def test_a_step_is_a_step_of_physics():
         seen.step()
         assert seen.moment.steps == step
         assert seen.data.time == pytest.approx(step * floor_plan.TIMESTEP)
-    person = seen.now.setups.position[seen.now.row, 0]
+    person = seen.now.drawn.setups.position[seen.now.row, 0]
     assert seen.moment.distance == pytest.approx(np.hypot(*(seen.data.qpos[:2] - person)))
     assert seen.moment.age == 0.0  # read at step 10
     assert seen.moment.reading == pytest.approx(seen.moment.distance, abs=0.2)
@@ -157,9 +148,7 @@ def test_counting_by_hand():
 
 def test_a_cast_has_the_world_of_its_scenario():
     cast = shift.scripted("even", 1.0, "everyday")
-    assert (cast.name, cast.population) == ("even", "us")
-    assert cast.sense == sensing.SenseSettings(perception=0.5)
-    assert cast.wanted == needs.NeedSettings(0.5)
+    assert (cast.name, cast.world) == ("even", World("us", 0.5, 0.5, 0.5))
     assert shift.scripted("racist", 0.5, "even").name == "racist, strength 0.5"
 
 

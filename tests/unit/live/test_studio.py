@@ -173,7 +173,7 @@ def test_reset_shows_the_service_from_its_beginning(playing):
     playing.viewer.send_to_sim(messages.ResetEvent())
     playing.handle.sync()
     assert (playing.shift.moment.number, playing.shift.moment.steps) == (1, 0)
-    start = playing.shift.now.setups.start[playing.shift.now.row]
+    start = playing.shift.now.drawn.setups.start[playing.shift.now.row]
     np.testing.assert_array_equal(playing.handle.data.qpos[:2], start)
 
 
@@ -210,7 +210,7 @@ def test_the_model_shows_the_guests_where_they_are_and_rings_around_who_asks():
     mujoco.mj_forward(model, data)
     robot = model.body("robot").id - 1
     np.testing.assert_allclose(np.delete(before - data.xpos[1:], robot, axis=0), 0.0, atol=1e-12)
-    person = seen.now.setups.position[seen.now.row, 0]
+    person = seen.now.drawn.setups.position[seen.now.row, 0]
     np.testing.assert_allclose(data.body("guest0").xpos[:2], person)
     for radius in (0.5, 1.0, 1.5):
         ring = model.geom(f"ring_{radius}").id

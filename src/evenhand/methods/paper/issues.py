@@ -7,7 +7,7 @@ K issues; leading axes, for instance many windows at once, are carried along.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -56,7 +56,8 @@ class Issue:
 
     Attributes:
         name: what it is called.
-        rule: from facts to 1 (issue), 0 (none), NaN (does not apply or not known), [n].
+        rule: from facts to 1 (issue), 0 (none), NaN (does not apply or not known), [n]; how severe
+            it is, 0 to 1, where an issue is graded.
         needs: facts the rule reads.
     """
 
@@ -171,7 +172,7 @@ class Counts:
 
     Attributes:
         inside_n: services of the group to which the issue applies, [..., G, K].
-        inside_x: of those, services with the issue, [..., G, K].
+        inside_x: of those, services with the issue, or the sum of its severities, [..., G, K].
         outside_n: the same of the others.
         outside_x: the same of the others.
     """
@@ -180,6 +181,10 @@ class Counts:
     inside_x: np.ndarray
     outside_n: np.ndarray
     outside_x: np.ndarray
+
+    def rounded(self) -> Counts:
+        """With severities of graded issues, added up, as whole numbers of issues."""
+        return replace(self, inside_x=np.round(self.inside_x), outside_x=np.round(self.outside_x))
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(
