@@ -30,7 +30,6 @@ from evenhand.statistics.count_tables import Table
 from evenhand.statistics.intervals import clopper_pearson, newcombe
 from evenhand.statistics.permutation import PermutationTest, permutation_test
 from evenhand.statistics.strata import Within, mantel_haenszel
-from evenhand.statistics.windows import fisher, holm
 
 DISPARITY, NO_EVIDENCE, INSUFFICIENT = VERDICTS = (
     "disparity",
@@ -152,7 +151,7 @@ def judge_table(
         totalled: the total issue score is that of the first so many groups; of all by default.
 
     Raises:
-        InputError: as :func:`evenhand.statistics.count_tables.table_test`.
+        InputError: as :meth:`evenhand.statistics.count_tables.Table.of`.
     """
     chosen = settings or VerdictSettings()
     table = Table.of(x, inside, n, strata, who)
@@ -163,23 +162,6 @@ def judge_table(
     if within is not None:
         test = replace(test, even_gap=within.even_difference)
     return found, test
-
-
-def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> Verdicts:
-    """Verdicts from counts alone, by Fisher's exact test and Holm's adjustment.
-
-    Valid at every size, for one window or many; finds less than :func:`judge` does.
-
-    Args:
-        counts: whole numbers, [..., G, K].
-        settings: level, relevant difference, power.
-
-    Raises:
-        InputError: for impossible or broken counts.
-    """
-    p = fisher(counts)
-    adjusted = holm(p)
-    return _verdicts(counts, p, adjusted, adjusted, settings or VerdictSettings())
 
 
 def _within(parts: Sequence[Counts], settings: VerdictSettings) -> Within | None:

@@ -83,10 +83,6 @@ class Answers:
                 raise InputError(misfit(row, field, values[row])) from None
         return cls(pa.Table.from_arrays(arrays, schema=LOOSE))
 
-    def of_role(self, role: str) -> Answers:
-        """The answers to questions of one role, for instance "fair"."""
-        return self.where(pc.equal(self.table["role"], role))
-
     def where(self, mask: Any) -> Answers:
         """The answers that a mask keeps; rows where it is null are left out."""
         return _trusted(self.table.filter(mask))

@@ -16,6 +16,7 @@ from evenhand.methods.paper.issues import Counts
 from evenhand.report import table
 from evenhand.report.table import Estimate
 from evenhand.statistics.intervals import newcombe
+from evenhand.statistics.permutation import holm
 from evenhand.study.analysis.judgements import Judged
 
 PERMUTATIONS = 1999
@@ -151,16 +152,6 @@ def _differences(
 ) -> NDArray[np.float64]:
     """Mean of the ratings taken, less the mean of the others."""
     return taken / here - (whole - taken) / (size - here)
-
-
-def holm(p: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Holm's step-down correction (1979); NaN stays NaN and counts as no test."""
-    adjusted = np.full(len(p), np.nan)
-    known = np.flatnonzero(~np.isnan(p))
-    order = known[np.argsort(p[known], kind="stable")]
-    steps = p[order] * np.arange(len(order), 0, -1)
-    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
-    return adjusted
 
 
 # --- order ---
