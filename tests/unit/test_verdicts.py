@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenhand.experiments.paper import verdicts
+from evenhand.experiments.paper import claims as verdicts
 
 NAN = float("nan")
 YES, NO = "reproduced", "contradicted"

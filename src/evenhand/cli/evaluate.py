@@ -12,7 +12,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.cli.inputs import OPTIONAL, Population, Robot, RunFolder, Strength
 from evenhand.core.errors import whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Robot, Strength
+from evenhand.cli.inputs import OPTIONAL, Robot, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS, TEST_SEED
 

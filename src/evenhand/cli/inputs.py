@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
 
 from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
@@ -15,6 +17,13 @@ if TYPE_CHECKING:
     from evenhand.methods.services import Interactions
     from evenhand.training.settings import TrainSettings
     from evenhand.training.update import LearnerState
+
+OPTIONAL = "(optional)"
+RunFolder = Annotated[Path | None, arg(metavar="RUN", help_behavior_hint=OPTIONAL)]
+Robot = Annotated[str | None, arg(metavar="NAME", help_behavior_hint=OPTIONAL)]
+Strength = Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")]
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
+
 
 ENDINGS = (".parquet", ".csv")
 

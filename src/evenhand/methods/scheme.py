@@ -17,7 +17,6 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.columns import FACTS, OWN_TYPES
 from evenhand.methods.paper.issues import (
     PAPER_ISSUES,
     Counts,
@@ -28,7 +27,7 @@ from evenhand.methods.paper.issues import (
     indicators,
     scores_of,
 )
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import FACTS, OWN_TYPES, Interactions
 
 KINDS: dict[type, pa.DataType] = {bool: OWN_TYPES[0], int: OWN_TYPES[1], float: OWN_TYPES[2]}
 """Kinds of facts that a scheme can have, and how tables hold them."""

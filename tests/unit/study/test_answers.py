@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import answers as rooms
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers, read, write
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.codebook import codebook
 from support.answered import judged, protocol, row
 

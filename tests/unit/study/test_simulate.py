@@ -5,7 +5,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements
-from evenhand.study.analysis.arrow import pc
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.design import orders
 from evenhand.study.design.protocol import Question
 from evenhand.study.server import check_reply

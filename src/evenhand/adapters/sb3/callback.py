@@ -34,7 +34,7 @@ from evenhand.methods.paper.issues import count, scores_of
 from evenhand.methods.scheme import Scheme
 
 if TYPE_CHECKING:
-    from evenhand.adapters.updates import Examined
+    from evenhand.adapters.page import Examined
 
 _REFLECT = ReflectionSettings()
 
@@ -128,7 +128,7 @@ class EvennessCallback(BaseCallback):
         Raises:
             InputError: when the callback was told to examine none.
         """
-        from evenhand.adapters.updates import Examined  # brings Matplotlib
+        from evenhand.adapters.page import Examined  # brings Matplotlib
 
         if self._reflect is None:
             raise InputError("the callback examines no update: leave reflect as it is")

@@ -8,8 +8,8 @@ are made of all that is finished there.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -22,7 +22,7 @@ from evenhand.core.errors import InputError
 from evenhand.core.processes import Stage, Task, Tell, run_all
 from evenhand.experiments import provenance
 from evenhand.experiments.comparison import earlier as compare_earlier
-from evenhand.experiments.comparison import manifest, tables
+from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import (
     ARMS,
     NO_ALGORITHM,
@@ -106,7 +106,7 @@ def compare(
         write(out / "results.csv", tables.tidy(results), tables.RESULTS)
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
-        manifest.write(
+        write_manifest(
             out, settings, command, made, found, earlier,
             {arm: fingerprint_of(arm, settings.epochs) for arm in {c.arm for c in results}},
         )  # fmt: skip
@@ -318,4 +318,53 @@ def _plan(settings: CompareSettings, cells: list[Cell], done: int) -> str:
         f"{len(cells):,} runs, {rest}: {learn:,} of {settings.epochs:,} epochs and a test of "
         f"{settings.services:,} services, {len(cells) - learn:,} of a test alone, "
         f"{settings.workers} at a time; the bar shows how long they take once the first have served"
+    )
+
+
+def write_manifest(
+    out: Path,
+    settings: CompareSettings,
+    command: str,
+    made: provenance.Origin,
+    found: Mapping[Cell, dict[str, Any]],
+    earlier: compare_earlier.Earlier | None,
+    prints: Mapping[str, str],
+) -> None:
+    """Write ``manifest.json``: what a comparison says of itself.
+
+    Args:
+        out: folder of the comparison.
+        settings: of this call.
+        command: of this call.
+        made: versions and commit of now.
+        found: what ``done.json`` says of every finished run, and its ``folder``.
+        earlier: runs that were taken from elsewhere.
+        prints: fingerprint of each arm's settings.
+    """
+    plain = {n: v for n, v in asdict(settings).items() if n not in ("out", "earlier")}
+    cells = sorted({*found, *(earlier.results if earlier else ())}, key=place)
+    seeds = sorted({cell.seed for cell in cells})
+    arms = list(dict.fromkeys(cell.arm for cell in cells))
+    places = list(dict.fromkeys(cell.scenario for cell in cells))
+    origins = [provenance.of_run(done["folder"], done) for done in found.values()]
+    files.write_json(
+        out / "manifest.json",
+        {
+            **provenance.heading(made, command),
+            "settings": {n: list(v) if isinstance(v, tuple) else v for n, v in plain.items()},
+            "versions": made["versions"],
+            "made_with": provenance.distinct(origins),
+            "runs": len(found),
+            "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
+            "earlier": earlier.manifest if earlier else None,
+            "scenarios": places,
+            "worlds": {name: provenance.world(scenarios.scenario(name)) for name in places},
+            "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
+            "arms": arms,
+            "fingerprints": {arm: prints[arm] for arm in arms},
+            "detector": provenance.shipped_detector(),
+            "seeds": seeds,
+            "test_seeds": [TEST_SEED + seed for seed in seeds],
+            "people": evaluate.WINDOW,
+        },
     )

@@ -12,8 +12,7 @@ from typing import Any
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.experiments import provenance
-from evenhand.experiments.comparison.computing import computed
-from evenhand.experiments.comparison.settings import Cell, checked
+from evenhand.experiments.comparison.settings import Cell, checked, computed
 from evenhand.experiments.comparison.tables import METRICS, RESULTS
 from evenhand.restaurant import scenarios
 from evenhand.training import run_folder

@@ -14,8 +14,8 @@ from typing import Any
 from evenhand.core import files
 from evenhand.experiments.comparison import figures as figures_compare
 from evenhand.experiments.comparison import figures_fronts, judged_aims, read, words
-from evenhand.experiments.comparison.computing import computed
 from evenhand.experiments.comparison.read import Comparison
+from evenhand.experiments.comparison.settings import computed
 from evenhand.report import page as html
 from evenhand.report.figure import Drawn, write
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from evenhand.core import files
-from evenhand.experiments.paper import demonstrations
+from evenhand.core.processes import Task, Tell
+from evenhand.experiments.paper import corrected_detector, demonstrations
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
@@ -282,3 +283,36 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
         }
         for w, place in zip(rows, placed, strict=True)
     ]
+
+
+def study_task(data: Path, windows: int, seed: int) -> Task:
+    """The task that writes the tables of the study into ``data``.
+
+    They need the demonstrations there and nothing of training, so they are made beside it.
+    """
+    return Task(
+        "tables of the study", write_study, {"data": data, "windows": windows, "seed": seed}
+    )
+
+
+def write_study(*, tell: Tell, data: Path, windows: int, seed: int) -> None:
+    """Write every table of the study."""
+    shown = demonstrations.load(windows, seed, data / "demonstrations")
+    study = demonstrations.study(shown, seed)
+    named, worst = questionnaire(study)
+    performance, calibration, confusion = detector(study)
+    for name, rows in (
+        ("questionnaire", named),
+        ("questionnaire_issue", worst),
+        ("judgements", judgements(shown, study)),
+        ("signatures", signatures(shown)),
+        ("behaviour", behaviour(shown)),
+        ("detector", performance),
+        ("calibration", calibration),
+        ("confusion", confusion),
+        ("tsne", tsne(shown, study, seed)),
+    ):
+        write(data / f"{name}.csv", rows)
+    compared = corrected_detector.side_by_side(shown, study, seed)
+    write(data / "judges.csv", judges(compared), JUDGES_COLUMNS)
+    tell(0, {})

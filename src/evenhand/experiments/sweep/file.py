@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError, nearest, unknown, whole
-from evenhand.core.toml.lines import Place
-from evenhand.core.toml.reading import Mistake, content_of, located, text_of
-from evenhand.core.toml.table import Table
+from evenhand.core.toml_file import Mistake, Place, Table, content_of, located, text_of
 from evenhand.experiments.comparison import compare
 from evenhand.experiments.comparison.settings import (
     ALGORITHMS,

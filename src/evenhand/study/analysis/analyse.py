@@ -25,8 +25,8 @@ from evenhand.study.analysis import (
     judgements,
     quality,
 )
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import Judged
 from evenhand.study.analysis.quality import FLAGS, Limits, Quality
 from evenhand.study.design.protocol import Protocol

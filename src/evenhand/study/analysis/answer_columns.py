@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute
 
 from evenhand.core.errors import InputError, nearest, unknown
-from evenhand.study.analysis.arrow import pc
+
+pc: Any = pyarrow.compute
+
 
 KINDS = ("about", "set", "check", "pair", "end")
 """Kinds of pages that ask something."""

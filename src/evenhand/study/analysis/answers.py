@@ -32,8 +32,8 @@ from evenhand.study.analysis.answer_columns import (
     checked,
     fits,
     misfit,
+    pc,
 )
-from evenhand.study.analysis.arrow import pc
 
 FORMAT, VERSION = "evenhand-answers", 1
 ENDINGS = (".csv", ".json", ".parquet")

@@ -11,9 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.core.errors import InputError, nearest
-from evenhand.study.analysis.answer_columns import ABOUT_ITEMS, BETWEEN
+from evenhand.study.analysis.answer_columns import ABOUT_ITEMS, BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol, Question
 
 MOST_POINTS = 11

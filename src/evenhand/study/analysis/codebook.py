@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from evenhand.study.analysis.answer_columns import BETWEEN, SCHEMA, STATUSES
+from evenhand.study.analysis.answer_columns import BETWEEN, SCHEMA, STATUSES, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import PREFER_NOT, Protocol, Question
 
 MEANINGS = {

@@ -9,9 +9,8 @@ import numpy as np
 
 from evenhand.report.table import Table, table
 from evenhand.statistics.detector_accuracy import wilson
-from evenhand.study.analysis.answer_columns import BETWEEN, STATUSES
+from evenhand.study.analysis.answer_columns import BETWEEN, STATUSES, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import numbers
 from evenhand.study.design.protocol import Protocol, Question
 

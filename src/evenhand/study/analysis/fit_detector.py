@@ -26,8 +26,8 @@ from evenhand.statistics import detector_accuracy
 from evenhand.statistics.detector_accuracy import Share, wilson
 from evenhand.study.analysis import check_answers
 from evenhand.study.analysis import judgements as judging
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol
 
 Who = Literal["people", "simulated", "both"]

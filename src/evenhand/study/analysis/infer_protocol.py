@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from evenhand.study.analysis.answer_columns import BETWEEN
+from evenhand.study.analysis.answer_columns import BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.check_answers import MOST_POINTS
 from evenhand.study.analysis.judgements import NOTHING, numbers
 from evenhand.study.design.protocol import (

@@ -15,9 +15,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evenhand.study.analysis.answer_columns import BETWEEN
+from evenhand.study.analysis.answer_columns import BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol, Question
 
 NOTHING = "none"

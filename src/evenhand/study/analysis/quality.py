@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import codes, numbers
 from evenhand.study.design.protocol import Protocol
 

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from evenhand.core.toml.lines import Place
+from evenhand.core.toml_file import Place
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
 
 PREFER_NOT = "Prefer not to say"

@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError
-from evenhand.core.toml.lines import Place
-from evenhand.core.toml.reading import Mistake, content_of, located, text_of
-from evenhand.core.toml.table import ID, Table
+from evenhand.core.toml_file import ID, Mistake, Place, Table, content_of, located, text_of
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.study.design import protocol
 from evenhand.study.design.protocol import (
