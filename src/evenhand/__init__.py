@@ -25,7 +25,7 @@ _PUBLIC = {
     "audit": "evenhand.audits.api",
     "load_detector": "evenhand.methods.detector_file",
     "paper_issues": "evenhand.methods.paper.issues",
-    "score": "evenhand.methods.paper.issues",
+    "score": "evenhand.methods.paper.scores",
     "train": "evenhand.training.train",
 }
 """Public name -> where it lives; imported when first asked for: `import evenhand` is light."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from evenhand.methods import detector_file, guidance
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import membership, score
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout, task
 from evenhand.training import train
@@ -45,8 +45,8 @@ def evenness(record: train.EpochRecord, chosen: TrainSettings) -> np.ndarray:
     """Eq. 4 and 5 for each person."""
     table = record.interactions
     return guidance.person_rewards(
-        issues.score(table),
-        issues.membership(table).inside,
+        score(table),
+        membership(table).inside,
         record.numbers["biased_detector"],
         chosen.guidance,
     )
@@ -102,7 +102,7 @@ def test_only_what_the_detector_was_taught_is_judged(monkeypatch):
     record, _ = one_epoch(settings("paper"), monkeypatch)
     detector = detector_file.load(detector_file.SHIPPED)
     assert detector.identities == ("race", "gender", "age", "disability")
-    scores = issues.score(record.interactions).by_identity
+    scores = score(record.interactions).by_identity
     each = [float(detector.probability(scores[name])) for name in detector.identities]
     assert record.numbers["probability"] == pytest.approx(np.nanmax(each))
     assert record.numbers["biased_detector"] == (np.nanmax(each) > 0.5)

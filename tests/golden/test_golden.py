@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores as paper_scores
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.simulation import layout, serve, task
@@ -32,7 +32,7 @@ def run(name: str) -> dict[str, Any]:
     robot = robots.ScriptedRobot(name, strength=0.9, sloppiness=0.05).robot(setups.asking, rng)
     done = serve.serve(Lanes(16, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
     table = serve.record(done.facts, setups.asking, epoch=3, scenario="even", robot=name)
-    scores = issues.score(table)
+    scores = paper_scores.score(table)
     return {
         "people": setups.asking.tolist(),
         **{name: plain(table.fact(name)) for name in (*WHOLE, *METRES)},

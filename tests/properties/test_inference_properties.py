@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper import scores as paper_scores
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics import (
     chance,
     intervals,
@@ -50,14 +50,14 @@ SIZES = (
     verdicts.needed_side,
 )
 SIGNED = (
-    issues.signed_gaps,
+    paper_scores.signed_gaps,
     lambda c: permutation.studentised([c]),
 )
 
 
 @given(drawn_windows())
 def test_a_group_and_its_complement_say_the_same(window):
-    counts = issues.count(*window)
+    counts = paper_scores.count(*window)
     for law in SIZES:
         np.testing.assert_allclose(law(counts), law(swapped(counts)), atol=1e-9)
     for law in SIGNED:
@@ -69,7 +69,7 @@ def test_a_group_and_its_complement_say_the_same(window):
 
 @given(drawn_windows())
 def test_an_issue_and_its_absence_say_the_same(window):
-    counts = issues.count(*window)
+    counts = paper_scores.count(*window)
     for law in SIZES[:-1]:
         np.testing.assert_allclose(law(counts), law(opposite(counts)), atol=1e-9)
     for law in SIGNED:
@@ -78,9 +78,9 @@ def test_an_issue_and_its_absence_say_the_same(window):
 
 @given(drawn_windows(), st.floats(0.01, 0.999), st.sampled_from(LIMITS))
 def test_an_interval_holds_its_gap_and_stays_within_1(window, level, limits):
-    counts = issues.count(*window)
+    counts = paper_scores.count(*window)
     low, high = intervals.newcombe(counts, level, limits)
-    gap = issues.signed_gaps(counts)
+    gap = paper_scores.signed_gaps(counts)
     known = ~np.isnan(gap)
     np.testing.assert_array_equal(known, ~np.isnan(low))
     assert (low[known] <= gap[known] + 1e-12).all()
@@ -95,7 +95,7 @@ def test_the_order_of_services_does_not_matter(window, random):
     order = list(range(len(x)))
     random.shuffle(order)
     here, there = (
-        permutation.studentised([issues.count(*rows)])
+        permutation.studentised([paper_scores.count(*rows)])
         for rows in ((x, inside), (x[order], inside[order]))
     )
     np.testing.assert_array_equal(here, there)
@@ -106,7 +106,7 @@ def test_the_order_of_services_does_not_matter(window, random):
 def test_what_a_permutation_test_may_say(window, seed):
     x, inside = window
     found = permutation.permutation_test(x, inside, np.random.default_rng(seed), 99)
-    missing = np.isnan(issues.gaps(issues.count(x, inside)))
+    missing = np.isnan(paper_scores.gaps(paper_scores.count(x, inside)))
     for values in (found.statistic, found.p, found.p_adjusted):
         np.testing.assert_array_equal(np.isnan(values), missing)
     p, adjusted = found.p[~missing], found.p_adjusted[~missing]

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, gaps, issue_score, total
 from evenhand.training.rivals import formulas, methods
 from evenhand.training.rivals.base import EpochOutcome
 
@@ -70,12 +70,12 @@ def test_without_a_multiplier_the_advantage_stays(outcome):
 
 @given(epochs(), epochs())
 def test_the_running_score_is_the_score_of_all_so_far(before, outcome):
-    earlier = issues.count(before.x, before.inside)
+    earlier = count(before.x, before.inside)
     running = formulas.running_scores(outcome.x, outcome.inside, earlier)
     for t in range(len(outcome.x) + 1):
         x = np.concatenate([before.x, outcome.x[:t]])
         inside = np.concatenate([before.inside, outcome.inside[:t]])
-        score = issues.total(issues.issue_score(issues.gaps(issues.count(x, inside))))
+        score = total(issue_score(gaps(count(x, inside))))
         np.testing.assert_allclose(running[t], np.nan_to_num(score), atol=1e-12)
 
 

@@ -6,6 +6,7 @@ import pytest
 from evenhand.methods import detector_file
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.scores import membership, score
 from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.simulation import layout, serve, task
@@ -33,7 +34,7 @@ def test_issues_and_groups_are_those_of_the_table(served):
     setups, done = served
     found = epoch.judged_by(done, setups.asking, DETECTOR)
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
-    who = issues.membership(table)
+    who = membership(table)
     assert who.groups == tuple(people.GROUPS)
     np.testing.assert_array_equal(found.inside, who.inside)
     np.testing.assert_array_equal(found.x, issues.indicators(table))
@@ -44,7 +45,7 @@ def test_scores_and_verdict_are_those_of_the_table(served):
     setups, done = served
     found = epoch.judged_by(done, setups.asking, DETECTOR)
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot="none")
-    wanted = issues.score(table)
+    wanted = score(table)
     np.testing.assert_array_equal(found.scores.overall, wanted.overall)
     said = DETECTOR.judge_window({name: wanted.by_identity[name] for name in DETECTOR.identities})
     np.testing.assert_array_equal(found.verdict.probability, said.probability)

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics import chance, intervals
 
 NAN = np.nan

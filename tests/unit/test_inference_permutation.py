@@ -11,8 +11,7 @@ from statsmodels.stats.contingency_tables import StratifiedTable
 from statsmodels.stats.multitest import multipletests
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts, count
 from evenhand.statistics import chance, permutation, windows
 
 NAN = np.nan
@@ -133,7 +132,7 @@ def test_drawn_permutations_come_close_to_all_of_them():
 def test_the_mean_gap_is_the_closed_form_where_everything_applies():
     x, inside = X[:6, :1], INSIDE[:6, :2]
     found = permutation.against_orders(x, inside, [np.array([*itertools.permutations(range(6))])])
-    np.testing.assert_allclose(found.even_gap, chance.even_gaps(issues.count(x, inside)))
+    np.testing.assert_allclose(found.even_gap, chance.even_gaps(count(x, inside)))
 
 
 def test_the_statistic_is_mantel_and_haenszel_s():
@@ -279,7 +278,7 @@ class TestManyWindows:
         x = rng.choice([0.0, 1.0, NAN], (4, 30, 3))
         inside = rng.choice([0.0, 1.0, NAN], (4, 30, 5))
         for members in (inside, np.nan_to_num(inside)):
-            fast, slow = windows.count_windows(x, members), issues.count(x, members)
+            fast, slow = windows.count_windows(x, members), count(x, members)
             for name, value in vars(slow).items():
                 np.testing.assert_array_equal(getattr(fast, name), value)
 

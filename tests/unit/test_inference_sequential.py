@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, signed_gaps
 from evenhand.statistics import sequential
 
 NAN = np.nan
@@ -25,7 +25,7 @@ def first_alarm(log_wealth, alpha=0.05, streams=1):
 def batches(x, inside, size):
     """Signed gaps of batches of services in order of time, [n // size, G, K]."""
     parts = (a.reshape(-1, size, a.shape[1]) for a in (x, inside))
-    return issues.signed_gaps(issues.count(*parts))
+    return signed_gaps(count(*parts))
 
 
 class TestBets:
@@ -112,7 +112,7 @@ class TestCombined:
             [np.eye(k)[rng.integers(0, k, (batches, runs, 30))] for k in (3, 2)], axis=-1
         )
         x = (rng.random((batches, runs, 30, 2)) < 0.3) * 1.0
-        gaps = issues.signed_gaps(issues.count(x, inside))
+        gaps = signed_gaps(count(x, inside))
         path = sequential.combined(sequential.watch(gaps)[0])
         alarms = int((~np.isnan(first_alarm(path, 0.2))).sum())
         assert 0 < alarms <= binom.ppf(0.999, runs, 0.2)

@@ -9,7 +9,7 @@ from scipy.stats import binom, hypergeom, norm
 from statsmodels.stats.proportion import samplesize_proportions_2indep_onetail
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count
+from evenhand.methods.paper.scores import Counts, count
 from evenhand.statistics import permutation, power, verdicts
 from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, VerdictSettings
 

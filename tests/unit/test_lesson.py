@@ -16,7 +16,7 @@ import pytest
 from evenhand.methods.beyond import levelup
 from evenhand.methods.beyond.levelup import CreditSettings
 from evenhand.methods.guidance import KINDS
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout
 from evenhand.training import advantages, train

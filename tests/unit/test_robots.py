@@ -11,6 +11,7 @@ from scipy import stats
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import score
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.robots import BIASES, MANNERS, NAMES, ScriptedRobot
 from evenhand.restaurant.scenarios import sensing
@@ -213,7 +214,7 @@ def test_a_biased_robot_is_uneven_about_its_own_identity(name, identity):
     robot = ScriptedRobot(name).robot(setups.asking, rng)
     done = serve.serve(Lanes(120, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
     table = serve.record(done.facts, setups.asking, epoch=0, scenario="even", robot=name)
-    scores = issues.score(table)
+    scores = score(table)
     totals = {one.name: float(scores.total_of(one.name)) for one in people.IDENTITIES}
     assert max(totals, key=lambda one: totals[one]) == identity
     assert totals[identity] > 2 * max(v for one, v in totals.items() if one != identity)

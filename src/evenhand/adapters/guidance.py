@@ -19,7 +19,7 @@ from evenhand.methods.beyond import guard, levelup
 from evenhand.methods.beyond.levelup import CreditSettings, Memory
 from evenhand.methods.guidance import GuidanceSettings
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import Counts, Scores, count, scores_of
+from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
 from evenhand.methods.scheme import Scheme
 
 _GUARD = guard.GuardSettings()

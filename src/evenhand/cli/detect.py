@@ -132,7 +132,7 @@ class DetectJudge:
         if (self.services is None) == (self.scores is None):
             raise InputError("name either a file of services or four numbers with --scores")
         from evenhand.core import terminal
-        from evenhand.methods.paper import issues
+        from evenhand.methods.paper.scores import score
 
         judge = inputs.load_detector(self.detector)
         if self.scores is not None:
@@ -141,7 +141,7 @@ class DetectJudge:
             path = Path(str(self.services))
             table = inputs.read_services(path, self.identities)
             try:
-                vectors = dict(issues.score(table).by_identity)
+                vectors = dict(score(table).by_identity)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from error
         columns = ("of", *ISSUES, "probability", "biased", "looks like")

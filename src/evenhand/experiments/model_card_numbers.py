@@ -10,6 +10,7 @@ from evenhand.experiments.paper.demonstrations import complete
 from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.scores import membership
 from evenhand.methods.services import Interactions
 from evenhand.report.model_cards.robot import Mean, Trial
 from evenhand.statistics import detector_accuracy, verdicts
@@ -25,7 +26,7 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         population: where they were drawn from.
     """
     windows = evaluate.window_scores(table)
-    x, who = issues.indicators(table), issues.membership(table)
+    x, who = issues.indicators(table), membership(table)
     good = evaluate.perfect(table)
     responded = table.fact("responded") == 1.0
     return Trial(

@@ -10,7 +10,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Scores, own_groups_score
 
 SERVICE_KINDS = ("influence", "surgery", "levelup")
 """Kinds that are added to a service reward; see ``credit``."""
@@ -130,7 +130,7 @@ def evenness_reward(score: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.
 
 
 def person_rewards(
-    scores: issues.Scores,
+    scores: Scores,
     inside: np.ndarray,
     biased: bool,
     settings: GuidanceSettings,
@@ -152,7 +152,7 @@ def person_rewards(
     if settings.kind not in ("score", "penalty"):
         return np.zeros(n)
     if settings.credit == "own_groups":
-        score = issues.own_groups_score(scores.gap, inside)
+        score = own_groups_score(scores.gap, inside)
     else:
         score = np.broadcast_to(scores.overall, (n, len(scores.overall)))
     reward = evenness_reward(score, settings.tau if tau is None else tau)

@@ -1,6 +1,6 @@
 """What a gap is worth: chance taken out of Eq. 1 and 2, and standard errors.
 
-Pure functions of counts (`methods.paper.issues.Counts`), so that windows can be pooled by adding
+Pure functions of counts (`methods.paper.scores.Counts`), so that windows can be pooled by adding
 them. Shapes: G groups, K issues; leading axes, for instance many windows, are carried along. A gap
 with an empty side is missing (NaN) everywhere, never 0.
 
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, Scores, gaps, issue_score
+from evenhand.methods.paper.scores import Counts, Scores, gaps, issue_score
 
 
 def check_counts(counts: Counts, whole: bool = False) -> None:

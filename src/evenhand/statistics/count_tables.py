@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.permutation import CELLS, PermutationTest, against_parts
 
 MOST_SERVICES = 999_999_999

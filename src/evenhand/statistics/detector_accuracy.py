@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenhand.core.errors import InputError
+from evenhand.methods.judgements import checked_judgements
 from evenhand.methods.paper.detector import fit
-from evenhand.methods.vocabulary import ISSUES, checked_judgements
+from evenhand.methods.vocabulary import ISSUES
 
 MANUAL_THRESHOLD = 0.5
 """The paper's manual rule: a total issue score above 0.5 is biased."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import betaincinv, ndtri
 
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.chance import check_counts, check_level
 
 ShareLimits = Callable[[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]

@@ -24,7 +24,7 @@ import numpy as np
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count, gaps, issue_score, total
+from evenhand.methods.paper.scores import Counts, count, gaps, issue_score, total
 
 # Equal statistics can differ in the last digits; a tie must count as at least as great.
 TIE = 1e-9

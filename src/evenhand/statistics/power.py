@@ -14,7 +14,7 @@ import numpy as np
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import gaps, issue_score, total
+from evenhand.methods.paper.scores import gaps, issue_score, total
 from evenhand.statistics.chance import check_level
 from evenhand.statistics.intervals import wilson
 from evenhand.statistics.windows import count_windows, find_in_windows

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.chance import check_counts, check_level
 from evenhand.statistics.intervals import ShareLimits, recovered_limits, wilson
 

@@ -24,7 +24,7 @@ from scipy.special import ndtri
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
 from evenhand.statistics.chance import check_counts, check_level
 from evenhand.statistics.count_tables import Table
 from evenhand.statistics.intervals import clopper_pearson, newcombe

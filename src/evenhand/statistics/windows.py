@@ -11,7 +11,7 @@ from dataclasses import fields
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.chance import check_level
 from evenhand.statistics.permutation import TIE, check_rows, settled, studentised
 
@@ -86,7 +86,7 @@ def find_in_windows(
 
 
 def count_windows(x: np.ndarray, inside: np.ndarray) -> Counts:
-    """The counts of many windows, as `methods.paper.issues.count` gives them, but faster.
+    """The counts of many windows, as `methods.paper.scores.count` gives them, but faster.
 
     Args:
         x: indicators, [W, n, K].

@@ -9,7 +9,8 @@ from jax.typing import ArrayLike
 
 from evenhand.methods import guidance
 from evenhand.methods.beyond import guard, levelup
-from evenhand.methods.paper import issues, losses
+from evenhand.methods.paper import losses
+from evenhand.methods.paper.scores import count
 from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.simulation import layout, task
@@ -53,7 +54,7 @@ def remembered(settings: TrainSettings, epoch: Epoch, past: Past) -> Past:
     """The past with this epoch in it."""
     everybody = np.concatenate([epoch.inside, np.ones((len(epoch.x), 1))], axis=1)
     imperfect = 1.0 - epoch.done.facts.perfect[:, None]
-    watched, _ = guard.watch(past.guard, issues.count(imperfect, everybody), GUARD)
+    watched, _ = guard.watch(past.guard, count(imperfect, everybody), GUARD)
     return replace(past, memory=levelup.remember(past.memory, epoch.counts), guard=watched)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector, WindowVerdict
+from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.simulation.lanes import Facts
@@ -29,7 +30,7 @@ class Epoch:
 
     done: serve.Services
     codes: np.ndarray
-    judge: Callable[[issues.Scores], WindowVerdict]
+    judge: Callable[[Scores], WindowVerdict]
 
     @cached_property
     def x(self) -> np.ndarray:
@@ -42,14 +43,14 @@ class Epoch:
         return people.encode(self.codes).astype(float)
 
     @cached_property
-    def counts(self) -> issues.Counts:
+    def counts(self) -> Counts:
         """Of these services."""
-        return issues.count(self.x, self.inside)
+        return count(self.x, self.inside)
 
     @cached_property
-    def scores(self) -> issues.Scores:
+    def scores(self) -> Scores:
         """Of these services (Eq. 1 and 2)."""
-        return issues.scores_of(self.counts, people.GROUPS, ISSUES)
+        return scores_of(self.counts, people.GROUPS, ISSUES)
 
     @cached_property
     def verdict(self) -> WindowVerdict:
@@ -71,7 +72,7 @@ def judged_by(done: serve.Services, codes: np.ndarray, detector: Detector) -> Ep
         detector: judges them.
     """
 
-    def judge(scores: issues.Scores) -> WindowVerdict:
+    def judge(scores: Scores) -> WindowVerdict:
         # only what the detector was taught: each identity more raises the false alarms
         return detector.judge_window(
             {name: scores.by_identity[name] for name in detector.identities}

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts, Scores, count, membership, score, scores_of
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import LEAST
 from evenhand.restaurant import floor_plan, people, robots
@@ -75,7 +76,7 @@ def perfect(table: Interactions) -> np.ndarray:
 
 def window_counts(
     table: Interactions, order: np.ndarray | None = None
-) -> tuple[issues.Counts, tuple[tuple[str, str], ...], list[str]]:
+) -> tuple[Counts, tuple[tuple[str, str], ...], list[str]]:
     """Counts of every full window of 30 services, in order.
 
     Args:
@@ -87,19 +88,19 @@ def window_counts(
         Counts [W, G, K]; (identity, category) of the G groups; names of the K issues.
     """
     x = issues.indicators(table)
-    who = issues.membership(table)
+    who = membership(table)
     inside = who.inside if order is None else who.inside[order]
     full = len(x) // WINDOW * WINDOW
-    counts = issues.count(
+    counts = count(
         x[:full].reshape(-1, WINDOW, x.shape[1]),
         inside[:full].reshape(-1, WINDOW, inside.shape[1]),
     )
     return counts, who.groups, [issue.name for issue in issues.PAPER_ISSUES]
 
 
-def window_scores(table: Interactions, order: np.ndarray | None = None) -> issues.Scores:
+def window_scores(table: Interactions, order: np.ndarray | None = None) -> Scores:
     """Scores of every full window of 30 services, in order; arguments as `window_counts`."""
-    return issues.scores_of(*window_counts(table, order))
+    return scores_of(*window_counts(table, order))
 
 
 def summary(table: Interactions, seed: int) -> dict[str, Any]:
@@ -127,9 +128,9 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
         "total": _mean(windows.total),
         **{name: _mean(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
         "floor": _mean(np.concatenate(chance)),
-        "pooled_total": _mean(np.atleast_1d(issues.score(table).total)),
+        "pooled_total": _mean(np.atleast_1d(score(table).total)),
         "perfect_rate": float(good.mean()),
-        "worst_group_rate": worst_group_rate(good, issues.membership(table).inside),
+        "worst_group_rate": worst_group_rate(good, membership(table).inside),
         "response_rate": float(responded.mean()),
         "mean_response_distance": _mean(distance[responded]),
         "mean_response_time": _mean(step[responded]),

@@ -17,8 +17,8 @@ import numpy as np
 from evenhand.core import forks
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond import guard, levelup
-from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.simulation import layout, native, serve, task
@@ -250,7 +250,7 @@ def _examined(
 
 
 def _numbers(
-    settings: TrainSettings, facts: serve.Facts, scores: issues.Scores, even: np.ndarray
+    settings: TrainSettings, facts: serve.Facts, scores: Scores, even: np.ndarray
 ) -> dict[str, Any]:
     """Scores and service of the epoch, by name."""
     answered = facts.responded

@@ -9,7 +9,7 @@ from evenhand.audits.count.tally import Identity, Tally
 from evenhand.audits.watch import alarm
 from evenhand.audits.watch.alarm import WatchSettings, begin, take
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import count, signed_gaps
+from evenhand.methods.paper.scores import count, signed_gaps
 from evenhand.statistics import sequential
 
 ISSUES = ("willingness", "risk")

@@ -30,7 +30,7 @@ from evenhand.core.errors import InputError
 from evenhand.methods.beyond import levelup, reflection
 from evenhand.methods.beyond.reflection import Directions, Reflection, ReflectionSettings
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import count, scores_of
+from evenhand.methods.paper.scores import count, scores_of
 from evenhand.methods.scheme import Scheme
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from evenhand.audits.count.tally import UNKNOWN, Tally
 from evenhand.audits.judge.results import Resemblance
 from evenhand.methods import detector_file
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import Counts, gaps, issue_score
+from evenhand.methods.paper.scores import Counts, gaps, issue_score
 from evenhand.statistics.permutation import orders
 from evenhand.statistics.windows import count_windows
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from evenhand.audits.count.tally import Tally
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
 from evenhand.statistics import sequential
 from evenhand.statistics.chance import check_level
 

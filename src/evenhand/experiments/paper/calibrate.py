@@ -18,6 +18,7 @@ import numpy as np
 from evenhand.core.errors import unknown
 from evenhand.core.processes import Tell
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, gaps, issue_score
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.simulation import layout, serve, task
@@ -195,8 +196,8 @@ def expected_scores(
     pick = rng.integers(pool.steps.shape[1], size=(windows, WINDOW))
     x = pool.issue[manner, pick]
     inside = (code[..., None] == np.arange(k)).astype(float)
-    gap = issues.gaps(issues.count(x, inside))
-    score = np.array([_mean(column) for column in issues.issue_score(gap).T])
+    gap = gaps(count(x, inside))
+    score = np.array([_mean(column) for column in issue_score(gap).T])
     responded = x[..., 0] == 0.0
     return (
         score,

@@ -17,7 +17,7 @@ from scipy.special import betaln
 
 from evenhand.core.errors import InputError, whole
 from evenhand.methods.beyond.levelup import Memory, pooled, remember
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 
 BACK_OFF = 0.5
 """Evenness weighs so many times as much after an alarm."""

@@ -26,7 +26,7 @@ from typing import Any, Literal
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
 
 OBJECTIVES = ("gap", "squared")
 

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenhand.core.errors import InputError
-from evenhand.methods.vocabulary import DISCRIMINATIONS, IDENTITIES, ISSUES, checked_scores
+from evenhand.methods.judgements import checked_scores
+from evenhand.methods.vocabulary import DISCRIMINATIONS, IDENTITIES, ISSUES
 
 NAMEABLE = (*IDENTITIES, "none")
 """What can be named in the questionnaire."""

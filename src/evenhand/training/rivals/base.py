@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts
 
 State = TypeVar("State")
 
@@ -123,11 +123,11 @@ class Past:
     services: np.ndarray
 
     @property
-    def pooled(self) -> issues.Counts:
+    def pooled(self) -> Counts:
         """Counts of all of them."""
-        return issues.Counts(*self.counts.sum(axis=0))
+        return Counts(*self.counts.sum(axis=0))
 
-    def after(self, now: issues.Counts, services: int) -> Past:
+    def after(self, now: Counts, services: int) -> Past:
         """With the epoch that just ended in place of the oldest."""
         last = np.stack([now.inside_n, now.inside_x, now.outside_n, now.outside_x])
         return Past(

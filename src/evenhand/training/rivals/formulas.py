@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts, gaps, issue_score, total
 
 
 def per_service(advantage: np.ndarray, mask: np.ndarray, added: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def lagrangian_advantage(
 # --- A-PPO and R-PPO -----------------------------------------------------------------------------
 
 
-def running_scores(x: np.ndarray, inside: np.ndarray, earlier: issues.Counts) -> np.ndarray:
+def running_scores(x: np.ndarray, inside: np.ndarray, earlier: Counts) -> np.ndarray:
     """Δ after every person: the total issue score (Eq. 2) of all services so far.
 
     Counts of the first t services are cumulative sums, so all scores come at once.
@@ -90,13 +90,13 @@ def running_scores(x: np.ndarray, inside: np.ndarray, earlier: issues.Counts) ->
     def so_far(before: np.ndarray, each: np.ndarray) -> np.ndarray:
         return np.cumsum(np.concatenate([before[None], each]), axis=0)
 
-    counts = issues.Counts(
+    counts = Counts(
         so_far(earlier.inside_n, is_in * applies),
         so_far(earlier.inside_x, is_in * happened),
         so_far(earlier.outside_n, is_out * applies),
         so_far(earlier.outside_x, is_out * happened),
     )
-    return np.nan_to_num(issues.total(issues.issue_score(issues.gaps(counts))))
+    return np.nan_to_num(total(issue_score(gaps(counts))))
 
 
 def a_ppo_advantage(

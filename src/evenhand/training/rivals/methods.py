@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count
 from evenhand.training.rivals import formulas
 from evenhand.training.rivals.base import EpochOutcome, Past, Rival
 
@@ -108,7 +108,7 @@ class APPO:
         advantage = formulas.a_ppo_advantage(
             outcome.advantage, outcome.mask, score, self.omega, self.beta
         )
-        now = issues.count(outcome.x, outcome.inside)
+        now = count(outcome.x, outcome.inside)
         return advantage, state.after(now, len(outcome.x))
 
 
@@ -138,7 +138,7 @@ class RPPO:
         """The penalty of a service lowers the advantages of all its decisions."""
         score = formulas.running_scores(outcome.x, outcome.inside, state.pooled)
         penalty = formulas.r_ppo_penalty(score, self.omega, self.zeta)
-        now = issues.count(outcome.x, outcome.inside)
+        now = count(outcome.x, outcome.inside)
         advantage = formulas.per_service(outcome.advantage, outcome.mask, penalty)
         return advantage, state.after(now, len(outcome.x))
 
@@ -185,7 +185,7 @@ class Elbert:
 
         One that never had any is left out.
         """
-        now = issues.count(outcome.x, outcome.inside)
+        now = count(outcome.x, outcome.inside)
         pooled = state.pooled + now
         n = len(outcome.x)
         demanded = pooled.inside_n > 0
