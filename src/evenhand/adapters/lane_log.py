@@ -59,12 +59,7 @@ class Track:
     """
 
     def __init__(self, lanes: int, mode: AutoresetMode) -> None:
-        """Begin with nothing.
-
-        Args:
-            lanes: how many, n.
-            mode: what they do after an end.
-        """
+        """Begin with nothing."""
         self.rewards = np.empty((STEPS, lanes))
         self.step = 0
         self.ends: list[End] = []
@@ -150,7 +145,6 @@ class Track:
         return found if len(lane) else None
 
     def _carry(self, flat: np.ndarray, by_lane: np.ndarray, stop: np.ndarray) -> None:
-        """Totals and lengths of the episodes that go on."""
         begin = np.zeros(self._lanes, np.int64)
         begin[by_lane] = stop  # of several in a lane the last one stays
         fresh = np.zeros(self._lanes, bool)

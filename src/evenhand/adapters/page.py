@@ -27,13 +27,14 @@ from evenhand.audits.show import sentences
 from evenhand.audits.show.wording import level
 from evenhand.core import files
 from evenhand.core.errors import InputError
+from evenhand.core.wording import percent
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
 from evenhand.report import figure as figures
 from evenhand.report import page as html
 from evenhand.report import reflection_figure, style
 from evenhand.report.figure import Drawn, Plate
 from evenhand.report.read_tables import Results
-from evenhand.report.table import Table, say, say_share, table, trailing_mean
+from evenhand.report.table import Table, say, table, trailing_mean
 from evenhand.statistics.chance import even_gaps
 from evenhand.statistics.verdicts import judge_table
 
@@ -228,7 +229,6 @@ def _windows(data: Table, wide: bool) -> Figure:
 
 
 def _told(findings: Findings) -> list[str]:
-    """Verdict, disparities and total in sentences."""
     return [
         sentences.verdict_sentence(findings),
         *sentences.disparity_sentences(findings),
@@ -303,15 +303,7 @@ def _files(names: Sequence[str]) -> list[str]:
 
 
 def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findings:
-    """All that the statistics say of the services of a ledger.
-
-    Args:
-        ledger: whose services.
-        settings: level, relevant difference, permutations, seed; identities are not combined.
-
-    Raises:
-        InputError: before any service has ended.
-    """
+    """All that the statistics say of the services of a ledger."""
     if not len(ledger):
         raise InputError("no service has ended yet: there is nothing to judge")
     chosen = settings or AuditSettings()
@@ -385,7 +377,7 @@ def caption(data: Table, runs: Mapping[str, Examined]) -> str:
     return (
         "Above: change of the total issue score that an update makes, to first order. Below: share "
         "of the latest updates, itself included, that raise bias at least as abnormally in some "
-        f"identity and issue; an alarm is raised from {say_share(float(data['rate'].max()))} down; "
+        f"identity and issue; an alarm is raised from {percent(float(data['rate'].max()))} down; "
         "its mark is the identity, its letter the first of the issue. Alarms, of the updates with "
         "enough earlier ones to raise one, beside the most that the rate lets expect where nothing "
         f"is wrong: {'; '.join(counts)}."

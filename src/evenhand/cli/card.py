@@ -140,10 +140,6 @@ class Card:
 def repeating(settings: TrainSettings, shipped: bool) -> str | None:
     """The command that trains with these settings.
 
-    Args:
-        settings: of the run.
-        shipped: whether the detector that comes with Evenhand was the judge.
-
     Returns:
         None when options cannot say all of the settings.
     """

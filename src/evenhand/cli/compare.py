@@ -97,7 +97,6 @@ class Compare:
 
 
 def _interval(row: Mapping[str, Any], name: str, digits: int) -> str:
-    """An estimate with its limits, as far as they are known."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     if value is None or isnan(value):
         return "missing"

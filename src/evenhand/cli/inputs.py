@@ -45,11 +45,7 @@ def load_detector(path: Path | None) -> Detector:
 
 
 def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
-    """What a run learned, with the settings of its training.
-
-    Raises:
-        InputError: as ``learn.run.load_policy`` does.
-    """
+    """What a run learned, with the settings of its training."""
     from evenhand.training import run_folder as run
     from evenhand.training.jax_setup import set_up_jax
 

@@ -74,7 +74,6 @@ class Replay:
         return 0
 
     def _note(self, table: Interactions) -> str:
-        """How the services were chosen, for the page."""
         whole = f"The run has {len(table):,} services."
         if self.services is not None:
             return f"{whole} These were chosen by hand."
@@ -87,7 +86,6 @@ class Replay:
 
 
 def _numbers(text: str) -> list[int]:
-    """Numbers of services, each once, in the order given."""
     try:
         numbers = [int(part) for part in text.split(",")]
     except ValueError:

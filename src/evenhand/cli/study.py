@@ -264,11 +264,6 @@ class StudyExport:
 
 
 def _need() -> None:
-    """Say what is not installed.
-
-    Raises:
-        InputError: names the extra.
-    """
     try:
         import fastapi
         import sqlalchemy
@@ -283,7 +278,6 @@ def _need() -> None:
 def _settings(
     token_file: Path | None, *, simulated: bool = False, preview: bool = False
 ) -> tuple[Settings, str]:
-    """Settings, and the admin token if it was made just now."""
     from evenhand.study.server.participants import hashed
     from evenhand.study.server.web.desk import Settings, admin_token
 

@@ -106,7 +106,6 @@ class Sweep:
 
 
 def _told(lines: Sequence[Line], out: Path) -> int:
-    """Print what became of the runs."""
     from evenhand.core import terminal
 
     rows: dict[tuple[str, str], list[int | float]] = {}
@@ -131,7 +130,6 @@ def _told(lines: Sequence[Line], out: Path) -> int:
 
 
 def _priced(costs: Sequence[Cost], workers: int) -> None:
-    """Print what a sweep would cost."""
     from evenhand.core import terminal
 
     terminal.table(

@@ -18,10 +18,6 @@ def compiled(function: F, **options: Any) -> F:
 
     Kept code is known by the age of the function's own file alone. So a compiled function must
     neither call one of another file nor read a constant from there: foreign numbers are arguments.
-
-    Args:
-        function: what is compiled.
-        **options: of ``numba.njit``.
     """
     try:
         return cast(F, numba.njit(function, cache=True, **options))

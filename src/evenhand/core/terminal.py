@@ -112,7 +112,6 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
 
 
 def _fits(console: Console, shown: Table) -> bool:
-    """Whether a table needs no cell broken."""
     free = console.options.update_width(_ANY_WIDTH)
     return Measurement.get(console, free, shown).maximum <= console.width
 

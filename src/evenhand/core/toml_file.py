@@ -84,7 +84,6 @@ def _statements(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _key(line: str, at: int) -> tuple[tuple[str, ...], int]:
-    """The dotted key at a position, and where it ends."""
     names: list[str] = []
     while match := _BARE.match(line, at):
         names.append(next(group for group in match.groups() if group is not None))
@@ -137,13 +136,7 @@ def content_of(text: str) -> dict[str, Any] | Mistake:
 def located(
     text: str, wrong: Iterable[tuple[Place, str]], named: Callable[[Place], str]
 ) -> list[Mistake]:
-    """Mistakes by their lines.
-
-    Args:
-        text: of the file, valid TOML.
-        wrong: (place, sentence) of each.
-        named: a place in words.
-    """
+    """Mistakes by their lines."""
     where = lines(text)
     told = [Mistake(line_of(where, place), named(place), said) for place, said in wrong]
     return sorted(told, key=lambda one: one.line)
@@ -301,7 +294,6 @@ class Table:
 
 
 def _text(value: Any, longest: int, pattern: re.Pattern[str] | None, shape: str) -> str:
-    """What is wrong with a text, or nothing."""
     if not isinstance(value, str):
         return f'it is {value!r}: give text, in quotes "..."'
     if not value.strip() and not (pattern and pattern.fullmatch(value)):

@@ -24,10 +24,6 @@ seed gives the same services there and here."""
 def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage:
     """Services of a run.
 
-    Args:
-        folder: of the run.
-        services: their numbers, in the order wanted.
-
     Raises:
         InputError: when the run has no states, lacks one of the services, or is damaged.
     """
@@ -67,14 +63,7 @@ def from_robot(
 def recorded(
     robot: serve.Robot, setups: layout.Setups, rng: np.random.Generator, name: str
 ) -> Footage:
-    """Let a robot serve everybody once, and record it.
-
-    Args:
-        robot: who serves.
-        setups: whom and where.
-        rng: of readings and actions.
-        name: of the robot.
-    """
+    """Let a robot serve everybody once, and record it."""
     lanes = Lanes(min(LANES, len(setups)), task.TaskSettings())
     done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(), recorded=True)
     facts = serve.record(

@@ -80,15 +80,8 @@ def draw(plate: Plate, results: Results) -> Drawn:
 def write(folder: Path, drawn: Sequence[Drawn]) -> list[Path]:
     """Write figures as SVG (wide and for a phone), PDF and CSV.
 
-    Args:
-        folder: exists.
-        drawn: the figures.
-
     Returns:
         The files.
-
-    Raises:
-        InputError: when the folder cannot be written.
     """
     written = []
     for figure in drawn:

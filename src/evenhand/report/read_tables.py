@@ -116,7 +116,6 @@ def _csv_rows(path: Path) -> tuple[list[str], list[list[str]]]:
 
 
 def _cell(text: str, kind: str, where: str) -> str | int | float:
-    """One cell as its kind, or an InputError that begins with ``where``."""
     text = text.strip()
     bare, optional = kind.rstrip("?"), kind.endswith("?")
     if bare == "text":
@@ -145,11 +144,7 @@ def _cell(text: str, kind: str, where: str) -> str | int | float:
 
 
 def read_json(path: Path) -> Any:
-    """What a file of JSON holds.
-
-    Raises:
-        InputError: no such file, or it is not JSON.
-    """
+    """What a file of JSON holds."""
     try:
         return json.loads(_text(path))
     except json.JSONDecodeError as error:

@@ -176,12 +176,7 @@ def drawing() -> AbstractContextManager[None]:
 
 
 def new_figure(wide: bool, height: float) -> Figure:
-    """An empty figure of one of the two widths.
-
-    Args:
-        wide: for paper and laptop, otherwise for a phone.
-        height: inches.
-    """
+    """An empty figure of one of the two widths."""
     return Figure(figsize=(WIDE if wide else NARROW, height))
 
 
@@ -210,12 +205,7 @@ def bare(axes: Axes, grid: Literal["x", "y"]) -> None:
 
 
 def svg_text(figure: Figure, name: str) -> str:
-    """The figure as SVG: the same bytes for the same data, without a date.
-
-    Args:
-        figure: made within ``drawing()``.
-        name: salt of the identifiers inside.
-    """
+    """The figure as SVG: the same bytes for the same data, without a date."""
     out = io.StringIO()
     # print_svg draws once where savefig draws twice: half the time of a report.
     with mpl.rc_context({"svg.hashsalt": name}):
@@ -241,10 +231,6 @@ def inline_svg(svg: str, prefix: str) -> str:
     The prolog, comments and metadata go; identifiers get a prefix, since several figures share
     one page; numbers keep two decimals, a hundredth of a point; the size is left to the page, and
     so is the name for screen readers.
-
-    Args:
-        svg: what ``svg_text`` gave.
-        prefix: a word that no other figure of the page has.
     """
     body = svg[svg.index("<svg") :]
     for pattern in (r"<!--.*?-->", r"<metadata>.*?</metadata>", r"<defs>\s*<style.*?</defs>"):

@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
-ISSUES = ("willingness", "quality", "priority", "risk")
-NOT_DEFINED = "not defined"
+from evenhand.core.wording import NOT_DEFINED, number, percent
+from evenhand.statistics.means import Estimate
 
 
 @dataclass(frozen=True)
@@ -86,53 +85,6 @@ def csv_text(data: Table) -> str:
     return out.getvalue()
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A mean with its 95 % interval; ``low`` and ``high`` are NaN when there is none."""
-
-    mean: float
-    low: float
-    high: float
-    n: int
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether there were at least two values."""
-        return not math.isnan(self.low)
-
-
-SHARE = (0.0, 1.0)
-"""Ends of the scale of a share."""
-SCORE = (0.0, math.inf)
-"""Of a total issue score, whose upper end depends on the groups."""
-
-
-def mean_interval(
-    values: Iterable[float],
-    level: float = 0.95,
-    within: tuple[float, float] = (-math.inf, math.inf),
-) -> Estimate:
-    """Mean and Student t interval over seeds.
-
-    Args:
-        values: one number a seed; NaN (not defined for that seed) is left out.
-        level: coverage of the interval.
-        within: least and most that the mean can be; the interval is cut there.
-
-    Returns:
-        mean ± t(n−1) · s/√n. One value has no interval, none has no mean: NaN, never 0.
-    """
-    x = np.asarray(list(values), dtype=np.float64)
-    x = x[~np.isnan(x)]
-    if len(x) == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
-    mean = float(x.mean())
-    if len(x) == 1:
-        return Estimate(mean, math.nan, math.nan, 1)
-    half = float(stdtrit(len(x) - 1, 0.5 + level / 2) * x.std(ddof=1) / math.sqrt(len(x)))
-    return Estimate(mean, max(mean - half, within[0]), min(mean + half, within[1]), len(x))
-
-
 def trailing_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     """Mean of the last ``width`` values at each place, of fewer at the start.
 
@@ -152,19 +104,12 @@ def say(value: float, digits: int = 3) -> str:
     if math.isnan(value):
         return NOT_DEFINED
     places = digits if abs(value) < 10 else max(digits - 1, 0) if abs(value) < 100 else 1
-    return f"{value:z,.{places}f}".replace("-", "\N{MINUS SIGN}")
-
-
-def say_share(value: float) -> str:
-    """A share in [0, 1] as per cent with one decimal; NaN in words."""
-    if math.isnan(value):
-        return NOT_DEFINED
-    return f"{100 * value:z.1f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
+    return number(value, places)
 
 
 def say_estimate(estimate: Estimate, share: bool = False) -> str:
     """A mean with its interval in brackets; without an interval the text says why."""
-    tell = say_share if share else say
+    tell = percent if share else say
     if not estimate.n:
         return NOT_DEFINED
     if not estimate.has_interval:

@@ -240,7 +240,6 @@ def _distinct(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parts(stratum: np.ndarray) -> list[np.ndarray]:
-    """Rows of each stratum."""
     order = np.argsort(stratum, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(stratum[order])) + 1)
 

@@ -267,7 +267,6 @@ class EvennessCallback(BaseCallback):
 
 
 def _columns(ends: list[_End]) -> tuple[Any, ...]:
-    """Fields of ``Judging.write``."""
     lane = np.array([end.lane for end in ends], np.int64)
     order = np.argsort(lane, kind="stable")
     rank = np.empty_like(lane)

@@ -179,7 +179,6 @@ def _check_type(kind: Any, name: str) -> None:
 
 
 def _implausible(role: str, mapping: Mapping) -> tuple[float, float]:
-    """Limits of a plausible median in the unit of the column."""
     if role in TIMES:
         unit = mapping.seconds(role)
         return BRIEF / float(unit), LONG / float(unit)
@@ -203,7 +202,6 @@ def _doubt(role: str, reading: Reading, mapping: Mapping, size: str) -> str:
 
 
 def _wrong(source: Source, mapping: Mapping, reading: Reading, n: int) -> InputError:
-    """The first wrong cell, sought again in one file after the other."""
     key = next(k for k, r in facts(source.table, mapping).readings.items() if _alike(r, reading))
     for part in source.parts:
         again = facts(part.table, mapping).readings[key]
@@ -267,12 +265,6 @@ MANY_NUMBERS = 30
 
 def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> tuple[str, ...]:
     """Doubts about the groups and about waiting.
-
-    Args:
-        tally: the counts.
-        mapping: by which it was counted.
-        name: of the log.
-        alone: accept that nothing can be compared.
 
     Raises:
         InputError: when no identity has two groups, so that nothing can be compared.

@@ -29,12 +29,6 @@ def tally(
 ) -> tuple[Tally, tuple[str, ...]]:
     """Count a log.
 
-    Args:
-        source: the log.
-        mapping: what its columns stand for.
-        alone: accept a log in which every identity has one group only.
-        waiting: count how long people waited too.
-
     Returns:
         The counts, and what is hardly meant or was left out, one sentence each.
 

@@ -97,9 +97,6 @@ def grouped(tally: Tally, depth: int = 1) -> Groups:
     Args:
         tally: counts of the log.
         depth: identities that are combined at most.
-
-    Raises:
-        InputError: for more than ``MOST_GROUPS`` groups.
     """
     kinds, who = np.unique(tally.codes, axis=0, return_inverse=True)
     names = list(tally.names())

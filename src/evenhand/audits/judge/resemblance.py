@@ -96,13 +96,7 @@ def ask(
 
 
 def clearly_above(share: float, other: float, n: int) -> bool:
-    """Whether one share of n is above another at ``ALPHA``: z-test with the pooled share.
-
-    Args:
-        share: of n windows.
-        other: of as many.
-        n: windows of either kind.
-    """
+    """Whether one share of n is above another at ``ALPHA``: z-test with the pooled share."""
     pooled = (share + other) / 2
     spread = np.sqrt(2 * pooled * (1 - pooled) / n)
     return bool(share - other > -ndtri(ALPHA) * spread)

@@ -117,7 +117,6 @@ def _compared(
 
 
 def _strata(waits: Waits) -> Iterator[Waits]:
-    """The services of each stratum."""
     order = np.argsort(waits.stratum, kind="stable")
     cuts = np.flatnonzero(np.diff(waits.stratum[order])) + 1
     for rows in np.split(order, cuts):

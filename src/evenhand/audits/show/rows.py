@@ -120,10 +120,6 @@ def csv_text(listed: Sequence[Mapping[str, Any]], columns: Sequence[str] = COLUM
     """Rows as CSV: a header, all digits, an empty cell for what is not known.
 
     Text from the log that a spreadsheet would run as a formula gets an apostrophe before it.
-
-    Args:
-        listed: from :func:`rows` or one of its kin.
-        columns: those of the file, in order.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -134,12 +130,7 @@ def csv_text(listed: Sequence[Mapping[str, Any]], columns: Sequence[str] = COLUM
 
 
 def plain(findings: Findings, about: About) -> dict[str, Any]:
-    """The whole audit as values that JSON knows; NaN becomes null.
-
-    Args:
-        findings: what the statistics gave.
-        about: what was audited.
-    """
+    """The whole audit as values that JSON knows; NaN becomes null."""
     told = summary(findings, about)
     return {
         "format": FORMAT,

@@ -50,12 +50,6 @@ def compare(
 ) -> list[tables.Row]:
     """Run whatever is missing in the folder, then write tables, manifest, figures and report.
 
-    Args:
-        settings: of the comparison.
-        stage: shows progress.
-        announce: told, before anything runs, how much there is to do, and what is odd.
-        command: noted in the manifest.
-
     Returns:
         The rows of ``summary.csv``, of everything finished in the folder.
 
@@ -189,9 +183,6 @@ def learn_and_serve(
 
     Returns:
         The numbers of the test, and its physics steps.
-
-    Raises:
-        InputError: as ``run.execute`` does.
     """
     seed = TEST_SEED + cell.seed
     method, _ = method_of(cell.arm)
@@ -215,13 +206,7 @@ def learn_and_serve(
 
 
 def serve_reference(settings: TrainSettings, services: int, seed: int) -> Interactions:
-    """Serve people with the scripted robot that makes up for a scenario.
-
-    Args:
-        settings: name the scenario, and with it people, sensor and needs.
-        services: how many people.
-        seed: of people, places and readings.
-    """
+    """Serve people with the scripted robot that makes up for a scenario."""
     world = settings.world
     rng = np.random.default_rng(seed)
     setups = layout.draw(people.population(world.population), services, rng)
@@ -261,7 +246,6 @@ def finished(out: Path, epochs: int, services: int) -> dict[Cell, dict[str, Any]
 
 
 def _folders(out: Path) -> Iterator[tuple[Path, Cell | None]]:
-    """Every folder where a run ended, and its cell; None where its name is that of no run."""
     for path in sorted((out / "runs").glob("*/*/*/*/done.json")):
         scenario, algorithm, arm, last = path.relative_to(out / "runs").parts[:4]
         seed = re.fullmatch(r"seed-(\d+)", last)
@@ -277,11 +261,7 @@ def _folders(out: Path) -> Iterator[tuple[Path, Cell | None]]:
 def _check_origins(
     out: Path, cells: Iterable[Cell], made: provenance.Origin, epochs: int, services: int
 ) -> None:
-    """No run that is there was made by something else than what would make it now.
-
-    Raises:
-        InputError: when one was.
-    """
+    """No run that is there was made by something else than what would make it now."""
     begun = {cell: {"folder": cell.folder(out)} for cell in cells}
     for cell, done in (begun | finished(out, epochs, services)).items():
         folder = done["folder"]
@@ -294,7 +274,6 @@ def _oddities(
     earlier: compare_earlier.Earlier | None,
     made: provenance.Origin,
 ) -> Iterator[str]:
-    """What a user should know before anything runs."""
     for folder, cell in _folders(out):
         if cell is None:
             yield f"{folder} is left out: it has not the name of a run"
@@ -306,7 +285,6 @@ def _oddities(
 
 
 def _units(cell: Cell, epochs: int, services: int) -> int:
-    """Services of a run, in training and test."""
     trained = epochs * evaluate.WINDOW if cell.algorithm != NO_ALGORITHM else 0
     return trained + services
 
@@ -330,17 +308,7 @@ def write_manifest(
     earlier: compare_earlier.Earlier | None,
     prints: Mapping[str, str],
 ) -> None:
-    """Write ``manifest.json``: what a comparison says of itself.
-
-    Args:
-        out: folder of the comparison.
-        settings: of this call.
-        command: of this call.
-        made: versions and commit of now.
-        found: what ``done.json`` says of every finished run, and its ``folder``.
-        earlier: runs that were taken from elsewhere.
-        prints: fingerprint of each arm's settings.
-    """
+    """Write ``manifest.json``: what a comparison says of itself."""
     plain = {n: v for n, v in asdict(settings).items() if n not in ("out", "earlier")}
     cells = sorted({*found, *(earlier.results if earlier else ())}, key=place)
     seeds = sorted({cell.seed for cell in cells})

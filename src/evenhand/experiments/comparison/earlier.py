@@ -45,13 +45,6 @@ def load(
 ) -> Earlier:
     """Read ``results.csv`` of an earlier comparison, with its manifest.
 
-    Args:
-        table: the CSV file; its manifest stands beside it.
-        epochs: of training, which must be the same.
-        services: of the test, which must be the same.
-        prints: fingerprint of an arm's settings as they are now, by the arm's name.
-        detector: fingerprint of the detector as it is now.
-
     Returns:
         Every run in the table.
 
@@ -103,7 +96,6 @@ def _other(table: Path, what: str) -> InputError:
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a comparison, its fields of the right kind."""
     noted = files.read_json(path)
     needed = ("settings", "fingerprints", *NOTED)
     if not isinstance(noted, dict) or not noted.keys() >= {*needed}:

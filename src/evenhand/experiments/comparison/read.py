@@ -16,7 +16,8 @@ from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
 from evenhand.experiments.comparison.figures import METHODS, POOLED
 from evenhand.report.read_tables import read_table
-from evenhand.report.table import Estimate, Table
+from evenhand.report.table import Table
+from evenhand.statistics.means import Estimate
 
 NO_ALGORITHM = "none"
 _ENDS = ("", "_low", "_high")

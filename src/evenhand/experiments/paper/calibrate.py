@@ -103,9 +103,6 @@ class Calibration:
 def chosen(robot: str) -> tuple[str, ...]:
     """Robots to search odds of.
 
-    Args:
-        robot: a name, or ``EVERY``.
-
     Raises:
         InputError: when the paper prints no signature of this robot.
     """

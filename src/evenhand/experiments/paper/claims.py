@@ -15,6 +15,7 @@ from evenhand.experiments.paper.tables import Row
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
+from evenhand.statistics.means import mean_interval
 
 REPRODUCED, CONTRADICTED = "reproduced", "contradicted"
 UNTOLD = "cannot be told"
@@ -115,14 +116,6 @@ def undecided(status: str, low: float, high: float, bound: float) -> str:
     return f"The interval holds {bound:.3g}: these seeds cannot tell."
 
 
-def t_interval(values: np.ndarray) -> tuple[float, float]:
-    """Student's 95 % interval of a mean, [n]; NaN for fewer than two values."""
-    if len(values) < 2:
-        return float("nan"), float("nan")
-    half = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return float(values.mean() - half), float(values.mean() + half)
-
-
 def number(value: float) -> float | None:
     """The number, or None for NaN, which JSON cannot hold."""
     return None if np.isnan(value) else value
@@ -141,14 +134,7 @@ SIGNATURE_TOLERANCE = 0.05
 
 
 def all_claims(demos: Demos, study: Study, epochs: list[Row], test: list[Row]) -> list[Claim]:
-    """Every claim, in the order of the report.
-
-    Args:
-        demos: demonstrations of the scripted robots.
-        study: simulated judgements and the detector.
-        epochs: rows of ``epochs.csv``.
-        test: rows of ``test.csv``.
-    """
+    """Every claim, in the order of the report."""
     presets = list(dict.fromkeys(row["preset"] for row in test))
     out = _detector_claims(study)
     for preset in presets:
@@ -260,7 +246,8 @@ def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
         for part in ((0, early), (end - late, end))
     )
     change = last - first
-    low, high = np.clip(t_interval(change), -1.0, 1.0)  # a change of shares
+    found = mean_interval(change, within=(-1.0, 1.0))  # a change of shares
+    low, high = found.low, found.high
     status = above_zero(low, high)
     return claim(
         name,
@@ -289,7 +276,6 @@ def _lowered(
     evidence: str,
     goal: float | None = None,
 ) -> Claim:
-    """The claim that guidance lowers something: by the share ``goal``, or at all."""
     estimate, low, high = reduction(*pair)
     bound = 0.0 if goal is None else goal
     status = above_zero(low, high) if goal is None else at_least(low, high, goal)
@@ -313,7 +299,6 @@ def _between(epochs: list[Row], first: int, end: int) -> list[Row]:
 def _by_seed(
     rows: list[Row], preset: str, arm: str, name: str, measure: Callable[..., Any] = np.mean
 ) -> np.ndarray:
-    """What ``measure`` makes of a column, for every seed in order, [seeds]."""
     mine = [row for row in rows if row["preset"] == preset and row["arm"] == arm]
     seeds = sorted({row["seed"] for row in mine})
     return np.array(
@@ -324,7 +309,6 @@ def _by_seed(
 def _without_and_with(
     rows: list[Row], preset: str, algorithm: str, name: str, measure: Callable[..., Any] = np.mean
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same, without and with guidance."""
     without, guided = (
         _by_seed(rows, preset, arm, name, measure) for arm in (algorithm, f"{algorithm}+guidance")
     )

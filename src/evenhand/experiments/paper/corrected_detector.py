@@ -55,13 +55,7 @@ def seen_without_chance(demos: Demos, study: Study) -> np.ndarray:
 
 
 def side_by_side(demos: Demos, study: Study, seed: int) -> list[Record]:
-    """Every judge of ``JUDGES`` on the judged windows.
-
-    Args:
-        demos: the windows.
-        study: the judgements of them, with the detector on raw scores.
-        seed: that the study was made with; it decides the folds.
-    """
+    """Every judge of ``JUDGES`` on the judged windows."""
     whole = complete(study.seen)
     kinds = [kind for kind, kept in zip(study.said.kinds, whole, strict=True) if kept]
     answers = study.said.biased[whole]

@@ -50,11 +50,6 @@ def arms_of(preset: str) -> list[str]:
 def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
     """Run whatever is missing in the folder, then write tables, claims and the report.
 
-    Args:
-        settings: of the experiment.
-        stage: shows progress.
-        command: noted in the manifest.
-
     Returns:
         Path of the report.
 
@@ -136,7 +131,6 @@ def key_of(training: TrainSettings, services: int) -> str:
 
 
 def _run_of(settings: ReproduceSettings, preset: str, arm: str, seed: int) -> tuple[Path, str]:
-    """Folder and key of a run."""
     training = training_of(preset, arm, seed, settings.epochs, settings.population)
     folder = settings.out / "runs" / preset / arm / f"seed-{seed:02d}"
     return folder, key_of(training, settings.services)
@@ -171,11 +165,7 @@ def finished(out: Path, settings: ReproduceSettings) -> list[dict[str, Any]]:
 
 
 def _check_origins(out: Path, settings: ReproduceSettings, made: provenance.Origin) -> None:
-    """No run that is there was made by other versions.
-
-    Raises:
-        InputError: when one was.
-    """
+    """No run that is there was made by other versions."""
     for preset in PRESETS:
         for seed in _seeds_there(out, preset):
             for arm in arms_of(preset):
@@ -185,7 +175,6 @@ def _check_origins(out: Path, settings: ReproduceSettings, made: provenance.Orig
 
 
 def _train(out: Path, settings: ReproduceSettings, made: provenance.Origin, stage: Stage) -> None:
-    """Train and test every arm."""
     tasks = []
     # PPO takes longest: begin with it, so that no process is left alone with it at the end
     for preset in sorted(settings.preset, reverse=True):
@@ -287,7 +276,6 @@ def _write_tables(
 
 
 def _reflection_settings(folder: Path) -> dict[str, Any]:
-    """Rate and history that a run was made with."""
     noted = files.read_record(folder / "settings.json", "settings")["settings"]
     return noted.get("reflection", {})  # a run from before there was any has no such lines either
 

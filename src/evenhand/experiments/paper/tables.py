@@ -20,6 +20,7 @@ from evenhand.methods.vocabulary import IDENTITIES, ISSUES
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
 from evenhand.statistics.detector_accuracy import CalibrationBin
+from evenhand.statistics.means import SCORE, SHARE, mean_interval
 from evenhand.study.simulated.respondents import NAMEABLE, SCENARIOS
 
 PAPER_SHARES = {(1, "race"): 0.357, (4, "disability"): 0.214}
@@ -61,17 +62,6 @@ def _cell(value: Any) -> Any:
     if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
         return ""
     return repr(float(value)) if isinstance(value, (float, np.floating)) else value
-
-
-def mean_interval(values: np.ndarray, most: float = np.inf) -> tuple[float, float, float]:
-    """Mean and 95 % interval (normal, for many windows) of what is known in ``values``.
-
-    Values lie between 0 and ``most``, and so does the interval: it is cut there.
-    """
-    seen = values[~np.isnan(values)]
-    middle = float(seen.mean())
-    half = 1.96 * float(seen.std(ddof=1)) / np.sqrt(len(seen))
-    return middle, max(middle - half, 0.0), min(middle + half, most)
 
 
 def questionnaire(study: Study) -> tuple[list[Row], list[Row]]:
@@ -139,15 +129,15 @@ def signatures(demos: Demos) -> list[Row]:
         identity = BIASES[kind].identity
         score = demonstrations.signature(demos, kind)
         for k, name in enumerate(ISSUES):
-            middle, low, high = mean_interval(score[:, k], most=1.0)
+            mean = mean_interval(score[:, k], within=SHARE, errors=1.96)
             rows.append(
                 {
                     "discrimination": people.DISCRIMINATION[identity],
                     "issue": name,
                     "paper": SIGNATURES[kind][k],
-                    "ours": middle,
-                    "ci_low": low,
-                    "ci_high": high,
+                    "ours": mean.mean,
+                    "ci_low": mean.low,
+                    "ci_high": mean.high,
                     "windows": len(score),
                     # quality and priority are said of responses, whose people are no even mix
                     "ceiling": ceiling(sizes[identity])
@@ -163,14 +153,14 @@ def behaviour(demos: Demos) -> list[Row]:
     rows: list[Row] = []
     for kind in KINDS[1:]:
         for measure, values in demonstrations.behaviour(demos, kind).items():
-            middle, low, high = mean_interval(values)
+            mean = mean_interval(values, within=SCORE, errors=1.96)
             rows.append(
                 {
                     "robot": kind,
                     "measure": measure,
-                    "value": middle,
-                    "ci_low": low,
-                    "ci_high": high,
+                    "value": mean.mean,
+                    "ci_low": mean.low,
+                    "ci_high": mean.high,
                     "paper": PAPER_BEHAVIOUR.get((kind, measure)),
                     "unit": BEHAVIOUR_UNITS[measure],
                     "services": len(values) * demonstrations.WINDOW,
@@ -241,13 +231,7 @@ def judges(records: Sequence[Record]) -> list[Row]:
 def reflection(
     head: Row, lines: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
 ) -> list[Row]:
-    """What self-reflection found at every update of a run; nothing for a run without it.
-
-    Args:
-        head: preset, arm and seed.
-        lines: of the run's ``epochs.jsonl``.
-        settings: of its self-reflection, ``rate`` and ``history``.
-    """
+    """What self-reflection found at every update of a run; nothing for a run without it."""
     return [
         head
         | {"epoch": line["epoch"]}

@@ -48,11 +48,7 @@ _COUNTS = (1, 1000)
 
 
 def examine(path: str | os.PathLike[str]) -> tuple[Sweep | None, list[Mistake]]:
-    """Read a sweep and collect all its mistakes; there is no sweep when there is any.
-
-    Raises:
-        InputError: when the file cannot be read at all.
-    """
+    """Read a sweep and collect all its mistakes; there is no sweep when there is any."""
     text = text_of(path)
     content = content_of(text)
     if isinstance(content, Mistake):
@@ -77,7 +73,6 @@ class _Block:
 
 
 def _jobs(top: Table) -> list[Job]:
-    """Every run of the file; to be thrown away when anything is wrong with it."""
     common = _block(top)
     tables = top.tables("runs")
     top.done()
@@ -118,7 +113,6 @@ def _twice(job: Job, earlier: Job, where: str) -> str:
 
 
 def _grid(values: dict[str, tuple[Any, ...]], learner: dict[str, tuple[Any, ...]]) -> Iterator[Job]:
-    """Every combination."""
     sizes = product(*(values.get(n, (getattr(Variant, n),)) for n in _GRID[-3:]))
     settings = [tuple(zip(learner, chosen, strict=True)) for chosen in product(*learner.values())]
     for (epochs, served, services), chosen in product(sizes, settings):
@@ -163,7 +157,6 @@ def _block(table: Table) -> _Block:
 
 
 def _several(table: Table, key: str, given: Any, check: Callable[[Any], Any]) -> tuple[Any, ...]:
-    """A value or a list of them, each once."""
     found: list[Any] = []
     items = given if isinstance(given, list) else [given]
     if not items:
@@ -181,7 +174,6 @@ def _several(table: Table, key: str, given: Any, check: Callable[[Any], Any]) ->
 
 
 def _counted(table: Table, given: Any) -> list[int]:
-    """Seeds 0, 1, 2 ... by their number."""
     try:
         return list(range(_whole("seeds", given, _COUNTS)))
     except InputError as error:
@@ -232,11 +224,6 @@ def _default(key: str) -> Value | None:
 
 
 def _setting(key: str, value: Any) -> Value:
-    """A setting of the learner, checked by the room that it belongs to.
-
-    Raises:
-        InputError: for a value of another kind, or one that cannot be.
-    """
     if key == "population":
         people.population(_text(key, value))
         return value

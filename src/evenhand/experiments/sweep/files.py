@@ -44,9 +44,6 @@ class Keeper:
     def begin(self, path: str) -> tuple[int, Files]:
         """Begin an attempt.
 
-        Args:
-            path: of the run inside the folder of the sweep.
-
         Returns:
             Its number, and what earlier attempts left.
         """
@@ -57,12 +54,6 @@ class Keeper:
 
     def keep(self, path: str, number: int, new: Files, names: list[str]) -> None:
         """Take what is new of a run.
-
-        Args:
-            path: of the run inside the folder of the sweep.
-            number: of the attempt.
-            new: content of files, in the order in which they are to be written.
-            names: of all files that the run has now; others are removed.
 
         Raises:
             InputError: when another attempt has begun, or a file cannot be written.

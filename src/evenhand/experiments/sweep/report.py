@@ -31,15 +31,7 @@ Variants = dict[Variant, list["Line"]]
 
 
 def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seconds: float) -> None:
-    """Write what the runs of a sweep say.
-
-    Args:
-        out: folder of the sweep.
-        lines: what became of every run.
-        command: noted in the manifests.
-        workers: runs at the same time, and now pages.
-        seconds: since the sweep began.
-    """
+    """Write what the runs of a sweep say."""
     write(out / "runs.csv", [_run(line) for line in lines], RUNS)
     failed = [line for line in lines if line.failure is not None]
     _write_failures(out / "failures.txt", failed)
@@ -121,7 +113,6 @@ def _settings(variant: Variant) -> dict[str, Any]:
 
 
 def _variant(variant: Variant, lines: Sequence[Line]) -> dict[str, Any]:
-    """What the manifest of a comparison says of its runs."""
     cells = sorted((line.job.cell for line in lines), key=place)
     seeds = sorted({cell.seed for cell in cells})
     return {

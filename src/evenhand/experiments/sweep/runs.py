@@ -65,9 +65,6 @@ def perform(*, tell: Tell, job: Job, folder: Path) -> None:
         tell: told of services and physics steps.
         job: what to do.
         folder: of the run.
-
-    Raises:
-        InputError: as ``run.execute`` does.
     """
     if finished(job, folder) is not None:
         tell(job.units, {"physics_steps": 0})

@@ -157,7 +157,7 @@ def _inside(detector: Detector) -> str:
         "## What is inside\n\nPlain numbers, no pickle.\n\n"
         f"{markdown.table(['issue', 'mean', 'standard deviation'], rows)}\n\n"
         f"Logistic weights of the components: {weights}; intercept {number(detector.bias)}. A "
-        f"probability above {number(detector.threshold, 2)} is called biased."
+        f"probability above {number(detector.threshold, places=2)} is called biased."
     )
 
 

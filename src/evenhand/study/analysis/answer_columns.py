@@ -55,11 +55,7 @@ _CHOICES = {"kind": KINDS, "status": STATUSES}
 
 
 def check_names(names: list[str]) -> None:
-    """Check that all columns are there, once, and no others.
-
-    Raises:
-        InputError: names the column.
-    """
+    """Check that all columns are there, once, and no others."""
     for name in COLUMNS:
         if names.count(name) > 1:
             raise InputError(f"column {name!r} is there twice")

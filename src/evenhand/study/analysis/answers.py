@@ -145,11 +145,7 @@ def write(answers: Answers, path: str | Path) -> None:
 
 
 def check_ending(path: Path) -> None:
-    """Check that a path ends as a file of answers does.
-
-    Raises:
-        InputError: when it does not.
-    """
+    """Check that a path ends as a file of answers does."""
     if path.suffix not in ENDINGS:
         raise InputError(
             f"{path} is no file of answers: it has to end in {', '.join(ENDINGS[:-1])} or "
@@ -207,7 +203,6 @@ def _read_csv(path: Path) -> pa.Table:
 
 
 def _parsed(cells: Any, field: pa.Field) -> Any:
-    """Text as the values of a column."""
     if pa.types.is_string(field.type):
         return cells
     if pa.types.is_boolean(field.type):

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenhand.methods.paper.scores import Counts
-from evenhand.report import table
-from evenhand.report.table import Estimate
+from evenhand.statistics import means
 from evenhand.statistics.intervals import newcombe
+from evenhand.statistics.means import Estimate
 from evenhand.statistics.permutation import holm
 from evenhand.study.analysis.judgements import Judged
 
@@ -51,7 +51,7 @@ def mean_interval(values: NDArray[np.float64]) -> Estimate:
 
     Where all values are the same there is no interval: they do not tell how others would differ.
     """
-    found = table.mean_interval(values)
+    found = means.mean_interval(values)
     known = values[~np.isnan(values)]
     if len(known) and np.ptp(known) == 0:
         return Estimate(found.mean, float("nan"), float("nan"), found.n)
@@ -150,7 +150,6 @@ def _differences(
     here: NDArray[np.int64],
     size: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Mean of the ratings taken, less the mean of the others."""
     return taken / here - (whole - taken) / (size - here)
 
 

@@ -129,10 +129,6 @@ def chosen(answers: Answers, who: Who | None) -> Answers:
 def judgements(answers: Answers, study: Protocol) -> Judgements:
     """Judgements from answers.
 
-    Args:
-        answers: of the study.
-        study: whose sets state the scores of their robots.
-
     Raises:
         InputError: when no set states scores, nothing was judged, or an answer is one that its
             question cannot have.

@@ -93,12 +93,7 @@ class Judged:
 
 
 def judge(answers: Answers, study: Protocol) -> Judged:
-    """Bring the answers about sets into one place for each participant and set.
-
-    Args:
-        answers: of the study.
-        study: whose sets and questions count; answers to others are left out.
-    """
+    """Bring the answers about sets into one place for each participant and set."""
     people, sets = answers.participants, tuple(one.id for one in study.sets)
     rows = answers.where(pc.equal(answers.table["kind"], "set")).table
     who, item = codes(rows["participant"], people), codes(rows["item"], sets)

@@ -51,10 +51,6 @@ def pages(study: Protocol, number: int) -> list[dict[str, Any]]:
 
     Right answers, scores, notes, and what is an even control are not told.
 
-    Args:
-        study: the study.
-        number: of the participant's order.
-
     Returns:
         Pages ``consent``, ``about``, ``set:<id>``, ``check:<id>``, ``pair:<id>``, ``end`` and
         ``finished``, as far as there are any.

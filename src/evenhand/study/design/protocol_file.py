@@ -67,9 +67,6 @@ def examine(
         path: of the file.
         clips: folder of the clips, instead of the one that the file names.
         look: whether a clip that is not there, or is no film, is a mistake.
-
-    Raises:
-        InputError: when the file cannot be read at all.
     """
     text = text_of(path)
     content = content_of(text)

@@ -57,9 +57,6 @@ def engine(url: URL, wait: float = WAIT, connections: int = 8) -> Engine:
         url: by ``address``.
         wait: seconds to wait for a lock.
         connections: at once, PostgreSQL.
-
-    Raises:
-        InputError: when the driver of PostgreSQL is not installed.
     """
     common: dict[str, Any] = {"hide_parameters": True}
     if url.get_backend_name() == "sqlite":

@@ -20,11 +20,7 @@ from evenhand.study.server.store import Store, read_note
 
 
 def check_ending(path: Path) -> None:
-    """Check that answers can be written in this format.
-
-    Raises:
-        InputError: for another ending.
-    """
+    """Check that answers can be written in this format."""
     if path.suffix not in answers.ENDINGS:
         raise InputError(f"{path} does not end in {', '.join(answers.ENDINGS)}: give such a file")
 

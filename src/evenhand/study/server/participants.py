@@ -243,12 +243,6 @@ def find(
 ) -> RowMapping:
     """The row of a participant.
 
-    Args:
-        connection: of a transaction.
-        token: as it was told.
-        lock: keep others from changing it until the transaction ends.
-        withdrawn: whether somebody who has withdrawn is found.
-
     Raises:
         RefusalError: "unknown-token" or "withdrawn".
     """
@@ -338,11 +332,6 @@ def _every_view(page: Mapping[str, Any], views: Mapping[str, int]) -> dict[str, 
 
 def remember(connection: Connection, participant: str, ids: Mapping[str, str]) -> None:
     """Store the ids of a participant who begins.
-
-    Args:
-        connection: of a transaction in which nobody else begins.
-        participant: who begins.
-        ids: PROLIFIC_PID, STUDY_ID, SESSION_ID, as far as given.
 
     Raises:
         RefusalError: "already-begun" for the same PROLIFIC_PID in the same STUDY_ID.

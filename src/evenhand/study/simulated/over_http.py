@@ -115,9 +115,6 @@ def take(
 
     Returns:
         How many finished.
-
-    Raises:
-        InputError: when the server has another study or refuses.
     """
     about = meet(server, study)
     recruiting, *own = np.random.default_rng(seed).spawn(n + 1)

@@ -261,11 +261,6 @@ def questionnaire(
     expected shares match the two published ones by the choice of the saliences; 24 answers vary
     around them by some 10 points.
 
-    Args:
-        respondents: who is asked.
-        rng: random numbers.
-        scenarios: what is shown; the paper's four.
-
     Returns:
         The answers, scenarios times respondents rows.
     """

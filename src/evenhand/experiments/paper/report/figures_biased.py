@@ -16,7 +16,8 @@ from evenhand.experiments.paper.report.figures_learning import THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
-from evenhand.report.table import Table, mean_interval, seeds_text, table
+from evenhand.report.table import Table, seeds_text, table
+from evenhand.statistics.means import mean_interval
 
 ZOOM = 40  # epochs in the close view of Fig. 10
 PAPER_BIASED = {"ppo": 54, "ppo+guidance": 39}  # biased epochs, caption of Fig. 9

@@ -12,10 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
-from evenhand.report.table import ISSUES, SCORE, SHARE, Table, mean_interval, seeds_text, table
+from evenhand.report.table import Table, seeds_text, table
+from evenhand.statistics.means import SCORE, SHARE, mean_interval
 
 TESTED = ("total", *ISSUES, "perfect_rate")
 

@@ -55,12 +55,7 @@ class Claim:
 
 
 def render(results: Results, drawn: Sequence[Drawn]) -> str:
-    """The whole page.
-
-    Args:
-        results: what was read from the folder.
-        drawn: the figures, in order.
-    """
+    """The whole page."""
     manifest = results.manifest
     return fill(
         "report.html.j2",
@@ -86,7 +81,6 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
 
 
 def _many_seeds(manifest: Mapping[str, Any]) -> str:
-    """How many seeds an arm has; by preset where they differ."""
     counts = {preset: len(seeds) for preset, seeds in manifest.get("seeds_of", {}).items()}
     if len(set(counts.values())) < 2:
         return str(len(manifest["seeds"]))

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.read_tables import Results, read_json, read_table
-from evenhand.report.table import ISSUES
 
 
 def _schema(text: str) -> dict[str, str]:
@@ -87,10 +87,6 @@ MAY_BE_EMPTY = ("reflection",)
 
 def read(folder: Path) -> Results:
     """Read and check everything that a report needs.
-
-    Args:
-        folder: the folder of an experiment, with ``data/*.csv``, ``claims.json``,
-            ``results.csv`` and ``manifest.json``.
 
     Raises:
         InputError: a file is missing or malformed; the sentence names file, row and column.

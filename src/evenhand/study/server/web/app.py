@@ -34,13 +34,7 @@ _WORDS = {
 
 
 def build(study: Protocol, store: Store, settings: Settings) -> FastAPI:
-    """The application of one study.
-
-    Args:
-        study: what is asked.
-        store: where answers go.
-        settings: how it is served.
-    """
+    """The application of one study."""
     app = FastAPI(
         title="Evenhand study", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )

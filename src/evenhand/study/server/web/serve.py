@@ -13,11 +13,7 @@ from evenhand.study.server.web.security import log
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens; 0 is any free port.
-
-    Raises:
-        InputError: when the address cannot be had.
-    """
+    """A socket that listens; 0 is any free port."""
     found = None
     try:
         kind, _, _, _, at = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
