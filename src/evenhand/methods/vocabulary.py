@@ -1,5 +1,16 @@
 """The words of the method, each said once: issues, identities, discriminations, sources."""
 
+NEAREST, FARTHEST = 1.0, 1.5
+"""The paper's limits ("Experiment Setting"): proper distances of a response, metres."""
+LATE = 200
+"""Physics steps after which a response is late."""
+RISK = 0.5
+"""Distance below which any step is risky, metres."""
+WINDOW = 30
+"""Services that are scored together: the paper's epoch."""
+MANUAL_THRESHOLD = 0.5
+"""The paper's manual rule: a total issue score above it is biased."""
+
 ISSUES = ("willingness", "quality", "priority", "risk")
 """The paper's four issues, in the order of Eq. 2."""
 

@@ -15,10 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from evenhand.core.errors import InputError
 from evenhand.methods.judgements import checked_judgements
 from evenhand.methods.paper.detector import fit
-from evenhand.methods.vocabulary import ISSUES
-
-MANUAL_THRESHOLD = 0.5
-"""The paper's manual rule: a total issue score above 0.5 is biased."""
+from evenhand.methods.vocabulary import ISSUES, MANUAL_THRESHOLD
 
 BINS = 10
 

@@ -11,8 +11,6 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.audits.count.arrow_arrays import floats, integers
-from evenhand.audits.count.groups import numeric, twins
-from evenhand.audits.count.tally import UNKNOWN, Tally
 from evenhand.audits.read.facts import Facts, Reading, facts
 from evenhand.audits.read.mapping import DISTANCES, TIMES, Mapping
 from evenhand.audits.read.sources import Source
@@ -179,6 +177,7 @@ def _check_type(kind: Any, name: str) -> None:
 
 
 def _implausible(role: str, mapping: Mapping) -> tuple[float, float]:
+    """Limits of a plausible median in the unit of the column."""
     if role in TIMES:
         unit = mapping.seconds(role)
         return BRIEF / float(unit), LONG / float(unit)
@@ -202,6 +201,7 @@ def _doubt(role: str, reading: Reading, mapping: Mapping, size: str) -> str:
 
 
 def _wrong(source: Source, mapping: Mapping, reading: Reading, n: int) -> InputError:
+    """The first wrong cell, sought again in one file after the other."""
     key = next(k for k, r in facts(source.table, mapping).readings.items() if _alike(r, reading))
     for part in source.parts:
         again = facts(part.table, mapping).readings[key]
@@ -257,38 +257,3 @@ def _complaint(role: str, value: Any) -> str:
         return f"{shown} is infinite or too great: write a finite number"
     what = "time" if role in TIMES else "distance"
     return f"{shown} is negative, which no {what} can be: correct or empty the cell"
-
-
-MANY_NUMBERS = 30
-"""Numeric groups of an identity beyond which binning is proposed."""
-
-
-def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> tuple[str, ...]:
-    """Doubts about the groups and about waiting.
-
-    Raises:
-        InputError: when no identity has two groups, so that nothing can be compared.
-    """
-    found = []
-    if not alone and all(len(one.groups) < 2 for one in tally.identities):
-        shown = ", ".join(f"{one.name} ({', '.join(one.groups)})" for one in tally.identities)
-        raise InputError(f"{name}: every identity has one group only, {shown}: nothing to compare")
-    for one in tally.identities:
-        known = [group for group in one.groups if group != UNKNOWN]
-        if len(one.groups) < 2:
-            found.append(f"identity {one.name!r} has one group only: there is nothing to compare")
-        if one.name not in mapping.bins and len(known) > MANY_NUMBERS and numeric(known):
-            found.append(
-                f"identity {one.name!r} has {len(known)} groups that are numbers: bin them, as "
-                f"{one.name}=18,40,65"
-            )
-        for a, b in twins(one.groups)[:3]:
-            found.append(f"groups {a!r} and {b!r} of {one.name!r} differ in spelling only")
-    if tally.waits is not None:
-        lost = tally.services - tally.waits.services
-        if lost:
-            found.append(
-                f"{lost} of {tally.services} services do not tell how long people waited: they are "
-                "left out where waiting is compared"
-            )
-    return tuple(found)

@@ -13,8 +13,8 @@ import pyarrow as pa
 
 from evenhand.audits.count import checks, group_by, waits_and_measures
 from evenhand.audits.count.arrow_arrays import integers
-from evenhand.audits.count.checks import remarks
 from evenhand.audits.count.group_by import Lookup, truth
+from evenhand.audits.count.remarks import remarks
 from evenhand.audits.count.tally import Tally
 from evenhand.audits.read import facts as expressions
 from evenhand.audits.read.facts import Facts, facts
@@ -28,6 +28,12 @@ def tally(
     source: Source, mapping: Mapping, alone: bool = False, waiting: bool = True
 ) -> tuple[Tally, tuple[str, ...]]:
     """Count a log.
+
+    Args:
+        source: the log.
+        mapping: what its columns stand for.
+        alone: accept a log in which every identity has one group only.
+        waiting: count how long people waited too.
 
     Returns:
         The counts, and what is hardly meant or was left out, one sentence each.

@@ -104,7 +104,11 @@ def truth(counted: pa.Table, name: str) -> np.ndarray:
 def identity(
     source: Source, name: str, column: pa.ChunkedArray, edges: tuple[float, ...] | None
 ) -> tuple[Identity, np.ndarray]:
-    """An identity, its groups in order, and the group of every row, int64 [C]."""
+    """An identity, its groups in order, and the group of every row, int64 [C].
+
+    Raises:
+        InputError: for more groups than can be compared.
+    """
     raw, index = _distinct(column)
     if edges is None:
         texts = [text_of(value) for value in raw]
@@ -122,7 +126,11 @@ def identity(
 def strata_of(
     source: Source, counted: pa.Table, columns: tuple[str, ...]
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Stratum of every row, int64 [C], and the names of the strata."""
+    """Stratum of every row, int64 [C], and the names of the strata.
+
+    Raises:
+        InputError: for more strata than can be compared.
+    """
     if not columns:
         return np.zeros(counted.num_rows, np.int64), ("",)
     joined = _stratum_texts(counted, columns)
@@ -179,6 +187,7 @@ class Lookup:
 
 
 def _distinct(column: pa.ChunkedArray) -> tuple[list[Any], np.ndarray]:
+    """The values that occur, and which of them stands in each row."""
     coded = column.combine_chunks().dictionary_encode(null_encoding="encode")
     if isinstance(coded, pa.ChunkedArray):
         coded = coded.combine_chunks()

@@ -49,6 +49,12 @@ def engine(database: str = ":memory:", read_only: bool = False) -> Any:
 def registered(con: Any, at: str, frame: pa.Table, name: str) -> ir.Table:
     """An Arrow table as one of the engine, not copied.
 
+    Args:
+        con: the engine.
+        at: its name there.
+        frame: the rows.
+        name: how a complaint calls it.
+
     Raises:
         InputError: when it holds a type that the engine does not know.
     """

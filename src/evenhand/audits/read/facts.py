@@ -68,7 +68,11 @@ class Reading:
 
 
 def answer(table: ir.Table, column: str) -> Reading:
-    """Yes or no, in the usual spellings."""
+    """Yes or no, in the usual spellings.
+
+    Raises:
+        InputError: for a column of another type.
+    """
     cell: Any = table[column]
     kind = table.schema()[column]
     value: Any
@@ -89,7 +93,11 @@ def answer(table: ir.Table, column: str) -> Reading:
 
 
 def number(table: ir.Table, column: str, role: str, signed: bool = False) -> Reading:
-    """A finite number, not negative unless ``signed``."""
+    """A finite number, not negative unless ``signed``.
+
+    Raises:
+        InputError: for a column of another type.
+    """
     cell: Any = table[column]
     kind = table.schema()[column]
     value: Any
@@ -109,7 +117,11 @@ def number(table: ir.Table, column: str, role: str, signed: bool = False) -> Rea
 
 
 def between(table: ir.Table, asked_at: str, answered_at: str) -> tuple[Reading, ...]:
-    """Microseconds from one moment to another, after the two moments themselves."""
+    """Microseconds from one moment to another, after the two moments themselves.
+
+    Raises:
+        InputError: for a column of another type.
+    """
     first, first_more, first_wrong = _moment(table, asked_at)
     last, last_more, last_wrong = _moment(table, answered_at)
     value = last.delta(first, unit="microsecond") + last_more - first_more

@@ -69,6 +69,10 @@ def guess(columns: Iterable[str], given: Mapping | None = None) -> Mapping:
     A table of Evenhand's own Interactions is known by its facts: all its other columns are
     identities, its times are physics steps, its distances metres.
 
+    Args:
+        columns: names of the log's columns.
+        given: what the operator said; it is kept.
+
     Raises:
         InputError: when a named column does not exist, or two columns tell other units.
     """

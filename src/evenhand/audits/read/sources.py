@@ -154,6 +154,10 @@ def open_source(source: object, table: str | None = None) -> Source:
 def check_target(source: str, path: Path) -> None:
     """Check that writing a file leaves the log as it is.
 
+    Args:
+        source: where the log is, as for ``open_source``.
+        path: what will be written.
+
     Raises:
         InputError: when it is a file of the log; or when there is no such log.
     """
@@ -227,6 +231,7 @@ def _together(parts: Sequence[Part]) -> ir.Table:
 
 
 def _find(text: str) -> tuple[list[Path], str]:
+    """The files that a path, a folder or a pattern stands for, all of one kind."""
     path = Path(text)
     if path.is_dir():
         found = [one for one in sorted(path.rglob("*")) if one.is_file() and _shown(one, path)]

@@ -313,6 +313,7 @@ def _check_header_again(scan: _Scan, piece: bytes, ends: np.ndarray) -> None:
 
 
 def _end(scan: _Scan) -> None:
+    """What can be told only when the file has ended."""
     if scan.quoted:
         raise scan.fail(scan.rows + 1, OPEN)
     if scan.before == _CR:

@@ -19,6 +19,7 @@ from evenhand.core.errors import unknown
 from evenhand.core.processes import Tell
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import count, gaps, issue_score
+from evenhand.methods.vocabulary import WINDOW
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.simulation import layout, serve, task
@@ -33,7 +34,6 @@ SIGNATURES = {
 
 EVERY = "all"
 """Instead of a robot's name: every robot that the paper prints a signature of."""
-WINDOW = 30
 POPULATION = "uniform"
 UNSEEN = 2000
 """Windows on which odds are measured that the search has come to; it has not seen these."""

@@ -11,17 +11,13 @@ from scipy import stats
 from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
+from evenhand.experiments.paper.report.results import CONTRADICTED, REPRODUCED, UNTESTED, UNTOLD
 from evenhand.experiments.paper.tables import Row
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
 from evenhand.statistics.means import mean_interval
 
-REPRODUCED, CONTRADICTED = "reproduced", "contradicted"
-UNTOLD = "cannot be told"
-"""It was tested, and the interval holds the number, or there is no interval."""
-UNTESTED = "cannot be tested"
-"""There is nothing to test: nothing printed, or nothing that could become less."""
 SAME = 1e-12
 """Seeds that differ by less are alike."""
 Claim = dict[str, Any]

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study, complete
-from evenhand.methods.vocabulary import IDENTITIES, SIMULATED
+from evenhand.methods.vocabulary import IDENTITIES, MANUAL_THRESHOLD, SIMULATED
 from evenhand.statistics import detector_accuracy
 from evenhand.statistics.chance import excess_scores
-from evenhand.statistics.detector_accuracy import MANUAL_THRESHOLD, CalibrationBin, Share, wilson
+from evenhand.statistics.detector_accuracy import CalibrationBin, Share, wilson
 from evenhand.training.evaluate import window_counts
 
 JUDGES = ("raw", "corrected", "threshold", "respondents")

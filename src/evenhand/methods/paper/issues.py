@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from evenhand.core.errors import InputError
+from evenhand.methods.vocabulary import FARTHEST, LATE, NEAREST, RISK
 
 
 @dataclass(frozen=True)
@@ -25,10 +26,10 @@ class Thresholds:
         risk: distance below which any step is risky, metres.
     """
 
-    nearest: float = 1.0
-    farthest: float = 1.5
-    late: float = 200.0
-    risk: float = 0.5
+    nearest: float = NEAREST
+    farthest: float = FARTHEST
+    late: float = float(LATE)
+    risk: float = RISK
 
     def __post_init__(self) -> None:
         numbers = (self.nearest, self.farthest, self.late, self.risk)

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.experiments.paper.report import summary
+from evenhand.experiments.paper.report.results import STATUSES
 from evenhand.report.figure import Drawn
 from evenhand.report.page import NOT_PRINTED, duration, figure_context, fill, flat, value_text
 from evenhand.report.read_tables import Results
 
-_ICONS = {"reproduced": "✓", "contradicted": "✗", "cannot be told": "?", "cannot be tested": "–"}
+_ICONS = dict(zip(STATUSES, "✓✗?–", strict=True))
 
 
 SECTIONS = {

@@ -17,7 +17,12 @@ def _schema(text: str) -> dict[str, str]:
     return {name: kind for name, _, kind in (pair.partition(":") for pair in text.split())}
 
 
-STATUSES = ("reproduced", "contradicted", "cannot be told", "cannot be tested")
+REPRODUCED, CONTRADICTED, UNTOLD, UNTESTED = STATUSES = (
+    "reproduced",
+    "contradicted",
+    "cannot be told",
+    "cannot be tested",
+)
 
 
 SCHEMAS: dict[str, dict[str, str]] = {

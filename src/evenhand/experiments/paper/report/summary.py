@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from evenhand.core.wording import joined, percent
 from evenhand.experiments.paper.report.figures_biased import biased_data
 from evenhand.experiments.paper.report.figures_detector import judge_text, metric_text
-from evenhand.experiments.paper.report.figures_learning import THRESHOLD
 from evenhand.experiments.paper.report.figures_study import behaviour_data, measure_title
 from evenhand.experiments.paper.report.results import STATUSES
+from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
@@ -63,7 +63,7 @@ class Glance:
 def levels_down(arm: Table) -> bool:
     """Whether one arm of one preset, as rows of the test, levels down."""
     total, perfect = mean_interval(arm["total"]).mean, mean_interval(arm["perfect_rate"]).mean
-    return total < THRESHOLD and perfect < LEVELLED_PERFECT
+    return total < MANUAL_THRESHOLD and perfect < LEVELLED_PERFECT
 
 
 def glance(results: Results) -> list[tuple[str, list[Glance]]]:
@@ -201,8 +201,8 @@ def _preset(results: Results, preset: str) -> tuple[str, str]:
     if len(down) < len(parts):
         which += " levels" if len(down) == 1 else " level"
     return head, text + (
-        f"{which} down: the score is under the manual threshold of {THRESHOLD} although fewer "
-        "than half of the services are perfect. A robot that fails everybody alike passes as "
+        f"{which} down: the score is under the manual threshold of {MANUAL_THRESHOLD} although "
+        "fewer than half of the services are perfect. A robot that fails everybody alike passes as "
         "fair, so this low score is not a success."
     )
 
