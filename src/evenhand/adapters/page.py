@@ -334,12 +334,7 @@ HEADS = (
 
 @dataclass(frozen=True)
 class Examined:
-    """Updates of a run, examined one after the other.
-
-    Attributes:
-        updates: the first one first.
-        settings: by which they were examined.
-    """
+    """Updates of a run, examined one after the other."""
 
     updates: Sequence[Reflection]
     settings: ReflectionSettings

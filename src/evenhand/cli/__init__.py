@@ -1,7 +1,5 @@
 """The command line: find the command, parse, call, and say in one sentence what went wrong."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import errno

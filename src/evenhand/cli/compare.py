@@ -1,7 +1,5 @@
 """``evenhand compare``."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

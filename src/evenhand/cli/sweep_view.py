@@ -1,7 +1,5 @@
 """All runs of a sweep in one view: how many have ended, and how far those at work are."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Compiled loops: thirty short turns of one cost less than thirty calls of NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 

@@ -1,7 +1,5 @@
 """What a terminal shows: progress bars, tables. Nothing but results when it is no terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence

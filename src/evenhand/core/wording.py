@@ -1,7 +1,5 @@
 """Numbers and lists for readers: a true minus, no sign on zero, words for what is missing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

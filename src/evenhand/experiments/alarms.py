@@ -1,7 +1,5 @@
 """How far verdicts can be trusted: false alarms and power by simulated windows, with a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path

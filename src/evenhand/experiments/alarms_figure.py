@@ -4,8 +4,6 @@ The left panel is about even robots: any alarm is a false one. The right panel i
 one known disparity.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

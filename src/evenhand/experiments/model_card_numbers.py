@@ -1,7 +1,5 @@
 """What a model card needs to be measured: a test on new people, an evaluation out of fold."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evenhand.core.errors import InputError

@@ -4,8 +4,6 @@ Every finished run notes it in its ``done.json``. Of a run from before that was 
 ``settings.json`` still names versions and detector.
 """
 
-from __future__ import annotations
-
 import functools
 import subprocess
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """A figure of a report: what is drawn and its words; SVG, PDF and CSV of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

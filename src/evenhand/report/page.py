@@ -4,8 +4,6 @@ Pure. Everything that came from a table or a claim is escaped by the template en
 SVG that this package drew is put in as it is.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

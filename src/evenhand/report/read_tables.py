@@ -4,8 +4,6 @@ May touch: the disk (reading only). Whatever is missing or malformed is refused 
 sentence that names file, row and column, so that the rooms after this one need no doubts.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

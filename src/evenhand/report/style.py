@@ -6,8 +6,6 @@ in two widths, one for paper and laptop and one for a phone, because text that s
 figure cannot be read on a phone.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence
@@ -83,15 +81,7 @@ _RC: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Look:
-    """How one series is drawn, in every figure the same.
-
-    Attributes:
-        label: the name in legends and tables.
-        colour: from the Okabe-Ito palette.
-        marker: matplotlib marker.
-        line: matplotlib line style.
-        filled: whether markers are filled.
-    """
+    """How one series is drawn, in every figure the same."""
 
     label: str
     colour: str

@@ -10,8 +10,6 @@ square, for large or pooled windows) and :func:`even_gaps` (the expected gap its
 for windows as small as an epoch).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 

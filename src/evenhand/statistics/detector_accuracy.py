@@ -3,8 +3,6 @@
 Every number here is about judgements that the detector which judged them had not seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist

@@ -7,8 +7,6 @@ raw number of services beside it. The intervals take a and b as known, so that t
 too narrow when there are few combinations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pure functions on arrays of any shape; a share of nothing is missing (NaN), never 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Means with their intervals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

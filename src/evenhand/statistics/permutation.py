@@ -15,8 +15,6 @@ For many windows at once: :mod:`evenhand.statistics.windows`; for
 logs of any size, as counts: :mod:`evenhand.statistics.count_tables`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 

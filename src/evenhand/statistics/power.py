@@ -5,8 +5,6 @@ rate, quality and priority among the services with a response. These are synthet
 no robot in them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -15,8 +15,6 @@ time. For that each step of all streams must come from the same batch: a service
 its partner while other streams already know it would let one look ahead.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

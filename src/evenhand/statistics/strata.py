@@ -5,8 +5,6 @@ guests wait longer. Mantel and Haenszel's difference weighs the difference insid
 w = n m / N (n in the group, m outside, N both), so that only people of one stratum are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

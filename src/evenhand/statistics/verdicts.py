@@ -14,8 +14,6 @@ For every group and issue of a window:
 No evidence is not evidence of evenness for differences smaller than ``delta``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

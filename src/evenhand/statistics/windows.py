@@ -4,8 +4,6 @@
 simulations and for the epochs of a training.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

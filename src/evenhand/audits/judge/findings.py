@@ -5,8 +5,6 @@ intersection that occurs, down to the depth that is asked for: one family of com
 one error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

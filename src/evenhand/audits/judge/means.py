@@ -15,8 +15,6 @@ adjusted over the groups by the greatest statistic (step-down max-T).
   more than a twentieth of their stratum, they are taken as normal too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -14,8 +14,6 @@ called biased is above that of the shuffled ones by a one-sided z-test of two sh
 ``ALPHA``. The second alone would not do: windows drawn from one short log share its chances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np

@@ -8,8 +8,6 @@ shares still waiting are weighed by Mantel and Haenszel, as those of rates are
 (:mod:`evenhand.statistics.strata`). Shares and medians of a group are of the whole log.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ since a wide one would always pass. Where the interval of a decided number holds
 verdict says that these seeds do not settle it. One seed decides nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan

@@ -5,8 +5,6 @@ share nothing, so that more seeds, arms or scenarios can be added to a folder at
 are made of all that is finished there.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace

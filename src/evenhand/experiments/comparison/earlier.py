@@ -1,7 +1,5 @@
 """Runs of an earlier comparison, taken from its table instead of being done again."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

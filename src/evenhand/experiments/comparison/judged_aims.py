@@ -4,8 +4,6 @@ Each of Evenhand's methods is judged at its standard strength, for choosing the 
 out best would be choosing on the test; only where the standard one was not run, each other is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
@@ -51,15 +49,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the aims came to for one arm.
-
-    Attributes:
-        arm: its name for readers.
-        lines: by scenario and algorithm.
-        whole: aims that are not for every scenario: (aim, algorithm, verdict).
-        counts: how many verdicts of each state: (state, icon, count).
-        words: the same in sentences.
-    """
+    """What the aims came to for one arm."""
 
     arm: str
     lines: list[Line]

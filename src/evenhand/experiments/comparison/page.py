@@ -5,8 +5,6 @@ Takes: a folder with ``results.csv``, ``summary.csv``, ``fronts.csv`` and ``mani
 other file. Nothing here simulates or learns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables of the comparison: numbers of a test, and what several seeds say together."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from math import nan

@@ -3,8 +3,6 @@
 Every sentence about this comparison is composed from its numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isnan

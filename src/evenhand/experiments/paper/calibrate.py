@@ -5,8 +5,6 @@ together from these measured services. What comes out is a value to start from: 
 holds the odds that are used, and ``evenhand demos`` measures these in the simulator.
 """
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -82,13 +80,7 @@ class Served:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a search has come to for one robot.
-
-    Attributes:
-        name: of the robot.
-        found: with the odds that were found.
-        used: with the odds of ``robots.BIASES``, on the same windows.
-    """
+    """What a search has come to for one robot."""
 
     name: str
     found: Served

@@ -1,7 +1,5 @@
 """The paper's claims against what came out. Every verdict follows a rule in ``verdicts``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ scores, so the raw detector has the easier task: what the corrected one gains mu
 windows of even robots, where whatever is called biased is chance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

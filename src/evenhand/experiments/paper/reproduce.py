@@ -1,7 +1,5 @@
 """The paper's experiment from end to end: demonstrations, study, training, test, report."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

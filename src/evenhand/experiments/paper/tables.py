@@ -1,7 +1,5 @@
 """Tables of the experiment: from demonstrations, study and runs to what the report draws."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,8 +4,6 @@ Seconds are of processor time, which is what a run takes on a core of its own, w
 machine does while it is measured.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """A sweep read from its TOML file, with every mistake and its line."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """How the files of a run come from the machine where it runs to the folder of the sweep."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Takes: a folder with ``runs.csv``, ``summary.csv`` and ``manifest.json``. Gives:
 the same folder, which leads to the report of each variant. Nothing here simulates or learns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -149,12 +149,7 @@ def _check_machines(versions: dict[str, str]) -> None:
 
 @dataclass(frozen=True)
 class RayCluster:
-    """A cluster that this process is connected to.
-
-    Attributes:
-        cores: of all its machines.
-        versions: of what decides results.
-    """
+    """A cluster that this process is connected to."""
 
     cores: int
     versions: dict[str, str]

@@ -1,7 +1,5 @@
 """One run of a sweep in its folder: the same function on this machine and on a cluster."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter

@@ -1,7 +1,5 @@
 """The model card of a detector: what its file says, and how good it is where that was measured."""
 
-from __future__ import annotations
-
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES, SIMULATED
 from evenhand.report.model_cards import markdown, sections

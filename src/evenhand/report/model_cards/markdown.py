@@ -1,7 +1,5 @@
 """Pieces of a model card: front matter as YAML, tables and words as Markdown, all of it escaped."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

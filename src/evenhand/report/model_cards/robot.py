@@ -1,7 +1,5 @@
 """The model card of a trained robot: what its run folder says, and how it served new people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

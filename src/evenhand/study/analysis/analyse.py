@@ -5,8 +5,6 @@ but the flagged where that was asked for; ratings and agreement stand beside wha
 gives.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

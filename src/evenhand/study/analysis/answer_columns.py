@@ -1,7 +1,5 @@
 """The columns of answers: names, types, and what their values can be."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pyarrow as pa

@@ -1,7 +1,5 @@
 """Are answers such as their study's questions can have? Else counts and ratings would be wrong."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The codebook of answers: every column and every question, with counts and what is missing."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any

@@ -5,8 +5,6 @@ controls of the same participant. Were a scenario no different, it would not mat
 participant's ratings were given to it: the permutation test exchanges them within each participant.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Counts of answers: what was named and chosen, how far participants came, what they wrote."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 

@@ -3,8 +3,6 @@
 Simulated participants are hatched and grey, and called so in every figure; people are in colour.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable

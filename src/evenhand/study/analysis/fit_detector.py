@@ -10,8 +10,6 @@ How well it does is measured on participants it never saw, and on sets it never 
 the harder question, and the one that matters: a study has few sets, each judged by many.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """What answers alone tell of their study, where its protocol is not at hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

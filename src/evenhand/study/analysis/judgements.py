@@ -6,8 +6,6 @@ without such a question a set is judged by what is named: "biased" where an issu
 other than "none" is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The tables of a study's report as text: shares in per cent, and heads that say what they are."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ in as it is, and its text was escaped when it was drawn. People and simulated pa
 sections of their own, and simulated ones are called so in every heading, figure and file name.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import math
@@ -48,13 +46,7 @@ TABLES = {
 
 @dataclass(frozen=True)
 class Source:
-    """Where an analysis comes from.
-
-    Attributes:
-        answers: name of the file.
-        command: that made it.
-        created: when, as text.
-    """
+    """Where an analysis comes from."""
 
     answers: str
     command: str

@@ -5,8 +5,6 @@ is asked for, and then results are shown both ways. Nothing here depends on whet
 found fair, so that leaving out the flagged cannot make a result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 

@@ -1,7 +1,5 @@
 """Which pages a participant sees, and in which order: a function of the study and a number."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

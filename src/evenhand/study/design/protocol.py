@@ -1,7 +1,5 @@
 """A study as data: who is asked what, about which clips, in which order."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """A study read from its TOML file, with every mistake and its line."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """Engines of databases: SQLite that loses nothing, PostgreSQL, and one in memory."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, StaticPool, create_engine, event, make_url

@@ -1,7 +1,5 @@
 """Stored answers as files, with a codebook, and ids of a platform apart."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What a participant does: begin, answer page by page, finish."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets

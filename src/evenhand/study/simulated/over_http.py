@@ -3,8 +3,6 @@
 The server has to let simulated participants in; their rows are marked for ever.
 """
 
-from __future__ import annotations
-
 import json
 import time
 import urllib.error

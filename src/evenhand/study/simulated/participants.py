@@ -6,8 +6,6 @@ behind the clips. A set without scores shows it nothing, so it is judged as an e
 before the end, some do not care: they answer quickly and at random, or always alike.
 """
 
-from __future__ import annotations
-
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -12,8 +12,6 @@ multiple of 1/24 (the simplest fractions that round to them are 5/14 and 3/14), 
 shares of 24 volunteers giving one answer each; the paper does not say what they are shares of.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

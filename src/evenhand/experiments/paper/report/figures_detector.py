@@ -3,8 +3,6 @@
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ Each figure is three functions: what is drawn (a table, also written as CSV), ho
 (from that table alone, in two widths), and the words under it.
 """
 
-from __future__ import annotations
-
 import textwrap
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of the paper's experiment, from results and drawn figures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

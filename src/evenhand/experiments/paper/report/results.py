@@ -1,7 +1,5 @@
 """The results of the paper's experiment, read from its folder and checked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

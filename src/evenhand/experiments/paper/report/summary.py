@@ -4,8 +4,6 @@ Every sentence is composed from the numbers of the run; none is written beforeha
 outcome.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The application: FastAPI, its errors, its files."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What every request needs at hand."""
 
-from __future__ import annotations
-
 import secrets
 import threading
 import time

@@ -1,7 +1,5 @@
 """A server of one study: uvicorn, without its access log."""
 
-from __future__ import annotations
-
 import logging
 import socket
 
