@@ -6,18 +6,21 @@ shown and a value that is not defined never turns into 0.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evenhand.core import csv_file, files
 from evenhand.core.wording import NOT_DEFINED, number, percent
 from evenhand.statistics.means import Estimate
+
+Row = dict[str, Any]
+"""Cells of a row by column."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +77,13 @@ def table(names: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
 
 def csv_text(data: Table) -> str:
     """The table as CSV: a header row, ten significant digits, an empty cell for NaN."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(data.columns)
-    for row in data.rows():
-        writer.writerow(
-            ("" if math.isnan(cell) else f"{cell:.10g}") if isinstance(cell, float) else cell
-            for cell in row.values()
-        )
-    return out.getvalue()
+
+    def cell(value: object) -> object:
+        if not isinstance(value, float):
+            return value
+        return "" if math.isnan(value) else f"{value:.10g}"
+
+    return csv_file.text_of(data.columns, (map(cell, row.values()) for row in data.rows()))
 
 
 def trailing_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
@@ -121,3 +122,19 @@ def seeds_text(seeds: Iterable[int]) -> str:
     """How many seeds, in words that fit into a caption."""
     n = len(set(seeds))
     return "1 seed (so no interval)" if n == 1 else f"{n} seeds"
+
+
+def write(path: Path, rows: Iterable[Row], columns: Sequence[str] | None = None) -> None:
+    """Write rows as CSV, aside and renamed; None and NaN become empty cells."""
+    listed = list(rows)
+    names = list(columns or listed[0])
+    cells = ([_cell(row.get(name)) for name in names] for row in listed)
+    files.write_text(path, csv_file.text_of(names, cells))
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
+        return ""
+    return repr(float(value)) if isinstance(value, (float, np.floating)) else value

@@ -30,11 +30,11 @@ from evenhand.experiments.comparison.settings import (
     method_of,
     place,
 )
-from evenhand.experiments.paper.tables import write
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.methods import detector_file
 from evenhand.methods.guidance import SERVICE_KINDS
 from evenhand.methods.services import Interactions
+from evenhand.report.table import write
 from evenhand.restaurant import people, robots, scenarios
 from evenhand.restaurant.simulation import layout, serve
 from evenhand.restaurant.simulation.lanes import Lanes

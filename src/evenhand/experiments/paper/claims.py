@@ -10,8 +10,8 @@ from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
 from evenhand.experiments.paper.report.results import CONTRADICTED, REPRODUCED, UNTESTED, UNTOLD
-from evenhand.experiments.paper.tables import Row
 from evenhand.methods.vocabulary import ISSUES
+from evenhand.report.table import Row
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
 from evenhand.statistics.means import mean_interval

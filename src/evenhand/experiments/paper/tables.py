@@ -1,20 +1,18 @@
 """Tables of the experiment: from demonstrations, study and runs to what the report draws."""
 
-import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evenhand.core import files
 from evenhand.core.processes import Task, Tell
 from evenhand.experiments.paper import corrected_detector, demonstrations
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
+from evenhand.report.table import Row, write
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
 from evenhand.statistics.detector_accuracy import CalibrationBin
@@ -39,27 +37,6 @@ REFLECTION_COLUMNS = (
     "issue", "favoured", "earlier", "rate",
 )  # fmt: skip
 _REFLECTED = ("projection", "cosine", "z", "alarm", "identity", "issue", "favoured")
-Row = dict[str, Any]
-
-
-def write(path: Path, rows: Iterable[Row], columns: Sequence[str] | None = None) -> None:
-    """Write rows as CSV, aside and renamed; None and NaN become empty cells."""
-    listed = list(rows)
-    names = list(columns or listed[0])
-    text = io.StringIO()
-    out = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
-    out.writeheader()
-    for row in listed:
-        out.writerow({name: _cell(row.get(name)) for name in names})
-    files.write_text(path, text.getvalue())
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, (bool, np.bool_)):
-        return "true" if value else "false"
-    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
-        return ""
-    return repr(float(value)) if isinstance(value, (float, np.floating)) else value
 
 
 def questionnaire(study: Study) -> tuple[list[Row], list[Row]]:

@@ -23,6 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from evenhand.core import files
+from evenhand.core.csv_file import FORMULA
 from evenhand.core.errors import InputError, unknown
 from evenhand.study.analysis.answer_columns import (
     COLUMNS,
@@ -38,8 +39,6 @@ from evenhand.study.analysis.answer_columns import (
 FORMAT, VERSION = "evenhand-answers", 1
 ENDINGS = (".csv", ".json", ".parquet")
 
-_WIDE = "\uff1d\uff0b\uff0d\uff20"  # =, +, - and @ in full width
-_FORMULA = rf"^(\s*[=+\-@{_WIDE}]|[\t\r\n'])"
 _LARGEST_BLOCK = 1 << 26
 _YES, _NO = ("true", "1"), ("false", "0")
 
@@ -168,7 +167,7 @@ def neutralised(table: pa.Table) -> pa.Table:
     for place, field in enumerate(table.schema):
         if pa.types.is_string(field.type):
             cells = table[field.name]
-            risky = pc.match_substring_regex(cells, _FORMULA)
+            risky = pc.match_substring_regex(cells, FORMULA)
             marked = pc.binary_join_element_wise("'", cells, "")
             table = table.set_column(place, field, pc.if_else(risky, marked, cells))
     return table

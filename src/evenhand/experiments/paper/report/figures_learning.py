@@ -137,9 +137,9 @@ def _curve_words(results: Results) -> str:
 def score_caption(results: Results, data: Table) -> str:
     """Seeds, bands, and why chance keeps the score above zero."""
     return (
-        f"{_curve_words(results)} Dotted: the manual threshold of {MANUAL_THRESHOLD}. The raw score "
-        "of a single epoch holds chance gaps between groups: an even robot reaches 0 only where it "
-        "makes no issues. "
+        f"{_curve_words(results)} Dotted: the manual threshold of {MANUAL_THRESHOLD}. The raw "
+        "score of a single epoch holds chance gaps between groups: an even robot reaches 0 only "
+        "where it makes no issues. "
         "Read it together with the next figure: a robot that fails everybody alike scores low too."
     )
 
