@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
+from evenhand.cli.inputs import OPTIONAL
 from evenhand.cli.train import Train
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from evenhand.report.model_cards.robot import Robot, Trial
     from evenhand.report.model_cards.sections import Said
     from evenhand.training.settings import TrainSettings
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Card:
     licence: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(not stated)")] = None
     """Its licence, as Hugging Face spells it, such as apache-2.0."""
 
-    notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=_OPTIONAL)] = ""
+    notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=OPTIONAL)] = ""
     """Anything that readers should know; shown as plain text."""
 
     services: int = 3000
@@ -54,7 +53,7 @@ class Card:
     seed: int = TEST_SEED
     """Of these people, places and chances; take one that training has not used."""
 
-    answers: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    answers: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """Answers that a detector was fitted to (CSV); with them its accuracy is measured."""
 
     def run(self, command: str) -> int:

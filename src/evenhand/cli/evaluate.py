@@ -68,7 +68,7 @@ class Evaluate:
         whole("seed", self.seed, *SEEDS)
         whole("threads", self.threads, *THREADS)
         if self.out is not None:
-            inputs.check_target(self.out)
+            inputs.check_target(self.out, inputs.ENDINGS)
         inputs.load_physics()
         from evenhand.core import terminal
         from evenhand.training import evaluate

@@ -92,7 +92,7 @@ def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
     from evenhand.methods.services import Interactions
     from evenhand.restaurant.people import DISCRIMINATION
 
-    _check_ending(path)
+    check_ending(path, ENDINGS)
     if not path.is_file():
         raise InputError(f"{path} does not exist: give a file of services")
     if path.suffix == ".parquet":
@@ -104,13 +104,14 @@ def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
     return table
 
 
-def check_target(path: Path) -> None:
-    """Before long work: can services be written here?
+def check_target(path: Path, endings: tuple[str, ...] = ()) -> None:
+    """Before long work: can a file be written here?
 
     Raises:
         InputError: when the ending is wrong or the folder cannot be written.
     """
-    _check_ending(path)
+    if endings:
+        check_ending(path, endings)
     if path.is_dir():
         raise InputError(f"{path} is a folder: give the name of a file")
     files.make_folder(path.parent)
@@ -124,6 +125,11 @@ def write_services(table: Interactions, path: Path) -> None:
         table.write_csv(path)
 
 
-def _check_ending(path: Path) -> None:
-    if path.suffix not in ENDINGS:
-        raise InputError(f"{path} does not end in {' or '.join(ENDINGS)}: give such a file")
+def check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    """Check how the name of a file ends.
+
+    Raises:
+        InputError: when it ends in none of ``endings``.
+    """
+    if path.suffix not in endings:
+        raise InputError(f"{path} does not end in {' or '.join(endings)}: give such a file")

@@ -10,14 +10,14 @@ square, for large or pooled windows) and :func:`even_gaps` (the expected gap its
 for windows as small as an epoch).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
 from scipy.special import gammaln
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.scores import Counts, Scores, gaps, issue_score
+from evenhand.methods.paper.scores import Counts, Scores, averaged, gaps, issue_score
 
 
 def check_counts(counts: Counts, whole: bool = False) -> None:
@@ -123,7 +123,7 @@ def corrected_scores(
     """
     squared = squared_gap(counts)
     shown = np.sqrt(np.maximum(squared, 0.0))
-    return _scores(shown, squared, corrected_issue_score, groups, issues)
+    return averaged(shown, squared, corrected_issue_score, groups, issues)
 
 
 # --- the excess over chance ---------------------------------------------------------------------
@@ -179,32 +179,11 @@ def excess_scores(
         InputError: for impossible or broken counts.
     """
     excess = gaps(counts) - even_gaps(counts)
-    return _scores(excess, excess, issue_score, groups, issues)
+    return averaged(excess, excess, issue_score, groups, issues)
 
 
 def _choose(n: np.ndarray, k: np.ndarray) -> np.ndarray:
     return gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
-
-
-def _scores(
-    gap: np.ndarray,
-    value: np.ndarray,
-    average: Callable[[np.ndarray], np.ndarray],
-    groups: Sequence[tuple[str, str]],
-    issues: Sequence[str],
-) -> Scores:
-    names = [name for name, _ in groups]
-    return Scores(
-        issues=tuple(issues),
-        groups=tuple(groups),
-        gap=gap,
-        overall=average(value),
-        by_identity={
-            name: average(value[..., [g for g, other in enumerate(names) if other == name], :])
-            for name in dict.fromkeys(names)
-        },
-        missing=np.isnan(gap).sum(axis=-2),
-    )
 
 
 # --- standard errors ----------------------------------------------------------------------------

@@ -6,7 +6,7 @@ K issues; leading axes, for instance many windows at once, are carried along.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -171,14 +171,33 @@ def scores_of(counts: Counts, groups: Sequence[tuple[str, str]], issues: Sequenc
         issues: names of the issues.
     """
     gap = gaps(counts)
+    return averaged(gap, gap, issue_score, groups, issues)
+
+
+def averaged(
+    gap: np.ndarray,
+    value: np.ndarray,
+    average: Callable[[np.ndarray], np.ndarray],
+    groups: Sequence[tuple[str, str]],
+    issues: Sequence[str],
+) -> Scores:
+    """Scores of gaps, overall and by identity.
+
+    Args:
+        gap: of each group, to be shown, [..., G, K].
+        value: what is averaged, [..., G, K].
+        average: over the groups, [..., G, K] -> [..., K].
+        groups: (identity, category) of each group.
+        issues: names of the issues.
+    """
     names = [name for name, _ in groups]
     return Scores(
         issues=tuple(issues),
         groups=tuple(groups),
         gap=gap,
-        overall=issue_score(gap),
+        overall=average(value),
         by_identity={
-            name: issue_score(gap[..., [g for g, other in enumerate(names) if other == name], :])
+            name: average(value[..., [g for g, other in enumerate(names) if other == name], :])
             for name in dict.fromkeys(names)
         },
         missing=np.isnan(gap).sum(axis=-2),
