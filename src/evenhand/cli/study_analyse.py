@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from evenhand.cli import inputs
 from evenhand.cli.inputs import OPTIONAL
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
