@@ -9,7 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.core.machine_code import Records, compiled
-from evenhand.methods.vocabulary import FARTHEST, LATE, NEAREST, RISK
+
+NEAREST, FARTHEST = 1.0, 1.5
+"""Proper distances of a response."""
+LATE = 200
+"""Physics steps after which a response is late."""
+RISK = 0.5
+"""Nearer than this is a risk."""
 
 
 @compiled
