@@ -20,7 +20,6 @@ from evenhand.adapters.sampler import invented
 from evenhand.adapters.wrappers import JudgeVectorServices
 from evenhand.core import terminal as display
 from evenhand.core.errors import whole
-from evenhand.methods.guidance import guided
 from evenhand.methods.scheme import Fact, Identity, Scheme, own_issue
 
 LANES = (8, 16, 32)
@@ -69,7 +68,7 @@ def measure(turns: int = 40) -> dict[str, Any]:
     for lanes in LANES:
         bare, found["ratio"][lanes] = _compare(lanes, turns, JudgeSettings(), skilled=True)
         _, found["ratio_short"][lanes] = _compare(lanes, turns, JudgeSettings(), skilled=False)
-        levelup = JudgeSettings(guidance=guided("levelup"))
+        levelup = JudgeSettings(method="levelup")
         _, found["ratio_guided"][lanes] = _compare(lanes, turns, levelup, skilled=True)
         found["bare_us"][lanes] = round(1e6 * bare, 1)
     return {f"adapter_{name}": values for name, values in found.items()}

@@ -20,13 +20,11 @@ import numpy as np
 
 from evenhand.core import terminal as display
 from evenhand.experiments import footage as sources
-from evenhand.restaurant import people, robots
+from evenhand.restaurant import robots, serve_people
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.film import clip, motion
 from evenhand.restaurant.film.clip import Style
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.worlds import World
 
 _CLIPS = 3
 _TURNS = 12
@@ -77,15 +75,13 @@ def _spent() -> float:
 
 def _states_ratio() -> float:
     """Serving with recording over serving without, in turns."""
-    setups = layout.draw(people.population("uniform"), _PEOPLE, np.random.default_rng(0))
-    lanes = Lanes(_PEOPLE, task.TaskSettings())
-    manner = np.zeros(_PEOPLE, np.int64)
+    world, robot = World(), robots.ScriptedRobot()
+    engine = serve_people.engine(world, _PEOPLE)
 
     def seconds(recorded: bool) -> float:
-        rng = np.random.default_rng(1)
-        robot = robots.of_manners(manner, rng)
+        ahead = serve_people.draw(world, _PEOPLE, np.random.default_rng(1), engine, robot)
         began = process_time()
-        serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(), recorded=recorded)
+        engine.run(ahead.drawn, ahead.robot, recorded=recorded)
         return process_time() - began
 
     def turns() -> Iterator[float]:

@@ -82,7 +82,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
     """
     whole("epochs", epochs, 2, 1000)
     versions.stable_baselines3()
-    settings = settings_of("service", "ppo", "none", epochs=epochs)
+    settings = settings_of("service", "ppo", "service", epochs=epochs)
     update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
     settings = replace(settings, update=update, reflect=False)
     turns: dict[str, list[Turn]] = {name: [] for name in SIDES}
@@ -100,7 +100,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
         each = [(x.seconds / x.services) / (y.seconds / y.services) for x, y in pairs]
         return round(float(np.median(each)), 2)
 
-    driven = 1000 * first.decisions / first.services * settings.task.interval
+    driven = 1000 * first.decisions / first.services * settings.world.interval
     return {
         "sb3_physics_s": round(driven / float(np.median(rates)), 2),
         "sb3_ratio": ratio("sync", "evenhand"),
@@ -180,7 +180,7 @@ def _evenhand(settings: TrainSettings) -> Turn:
     # a service that is answered ends by a decision in which nobody drives
     services = settings.people * settings.epochs
     steps = settings.epochs * settings.update.passes * settings.update.minibatches
-    return Turn(spent, services, physics // settings.task.interval + services, steps)
+    return Turn(spent, services, physics // settings.world.interval + services, steps)
 
 
 def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided: bool) -> Turn:
@@ -191,7 +191,6 @@ def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided
     from stable_baselines3.common.logger import Logger
 
     from evenhand.adapters.sb3 import EvennessCallback
-    from evenhand.methods.guidance import guided as guidance
 
     class Until(BaseCallback):
         """Stops when so many services have ended."""
@@ -241,7 +240,7 @@ def _sb3(settings: TrainSettings, make: Callable[[int], Any], steps: int, guided
     until = Until(wanted)
     callbacks: list[BaseCallback] = [until]
     if guided:
-        chosen = JudgeSettings(guidance=guidance("levelup"))
+        chosen = JudgeSettings(method="levelup")
         callbacks.append(EvennessCallback(SCHEME, facts_of, settings=chosen))
     updates = model._n_updates
     began = perf_counter()

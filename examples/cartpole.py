@@ -31,7 +31,6 @@ from evenhand.adapters import (
     own_issue,
 )
 from evenhand.adapters.page import write
-from evenhand.methods.guidance import guided
 from evenhand.methods.paper import detector
 
 # --- what is compared: two invented identities, three issues --------------------------------------
@@ -91,20 +90,19 @@ def made_up_detector(rng: np.random.Generator) -> detector.Detector:
 # --- riding and learning --------------------------------------------------------------------------
 
 
-def rides(guidance: str, judge: detector.Detector, seed: int) -> JudgeVectorServices:
-    """CartPole, judged; guidance 'none' leaves its rewards as they are."""
+def rides(method: str, judge: detector.Detector, seed: int) -> JudgeVectorServices:
+    """CartPole, judged; method 'service' leaves its rewards as they are."""
     env = gym.make_vec(
         "CartPole-v1", LANES, vectorization_mode="vector_entry_point", max_episode_steps=LONGEST
     )
     # a ride earns up to 200, so that evenness weighs as much
-    chosen = guided(guidance, 200.0 if guidance != "none" else None)
     return JudgeVectorServices(
         env,
         SCHEME,
         facts_of,
         sampler=PASSENGERS,
         rng=np.random.default_rng(seed),
-        settings=JudgeSettings(guidance=chosen),
+        settings=JudgeSettings(method=method),
         detector=judge,
     )
 
@@ -128,10 +126,10 @@ def first_rides(env: JudgeVectorServices, weights: np.ndarray, seen: np.ndarray)
     return earned
 
 
-def learn(guidance: str, judge: detector.Detector, seed: int) -> tuple[np.ndarray, Ledger]:
+def learn(method: str, judge: detector.Detector, seed: int) -> tuple[np.ndarray, Ledger]:
     """Weights after an evolution strategy with mirrored noise, and all rides on the way."""
     rng = np.random.default_rng(seed)
-    env = rides(guidance, judge, seed)
+    env = rides(method, judge, seed)
     weights = np.zeros(5)
     for number in range(ROUNDS):
         noise = rng.normal(size=(LANES // 2, 5))
@@ -145,7 +143,7 @@ def learn(guidance: str, judge: detector.Detector, seed: int) -> tuple[np.ndarra
 
 def test(weights: np.ndarray, judge: detector.Detector, seed: int) -> Ledger:
     """Rides of a controller that has learned, on passengers that it was not trained on."""
-    env = rides("none", judge, seed)
+    env = rides("service", judge, seed)
     for number in range(30):
         seen, _ = env.reset(seed=10_000 + seed + number)
         first_rides(env, np.tile(weights, (LANES, 1)), seen)
@@ -156,8 +154,8 @@ def main(folder: Path) -> Path:
     """Learn twice, test both, write the report."""
     judge = made_up_detector(np.random.default_rng(0))
     runs, tests = {}, {}
-    for name, guidance in (("reward alone", "none"), ("with level-up", "levelup")):
-        weights, runs[name] = learn(guidance, judge, seed=1)
+    for name, method in (("reward alone", "service"), ("with level-up", "levelup@200")):
+        weights, runs[name] = learn(method, judge, seed=1)
         tests[name] = test(weights, judge, seed=99)
     return write(
         folder,

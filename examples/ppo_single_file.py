@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +26,6 @@ from gymnasium.vector import AutoresetMode
 from evenhand.adapters import JudgeSettings, JudgeVectorServices
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
-from evenhand.methods.guidance import guided
 from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
@@ -37,7 +36,7 @@ class Args:
 
     out: Path = Path("out/ppo")
     """Folder of the report."""
-    guidance: Literal["none", "score", "influence", "levelup"] = "levelup"
+    guidance: str = "levelup"
     """What evenness adds to rewards."""
     needs: float = 1.0
     """How much some guests need another service, 0 to 1."""
@@ -69,7 +68,7 @@ def make_envs(args: Args, guidance: str) -> JudgeVectorServices[np.ndarray, np.n
     plain observations, and would need many times more services to learn it.
     """
     envs = RestaurantVectorEnv(args.num_envs, AutoresetMode.SAME_STEP, needs=args.needs)
-    settings = JudgeSettings(guidance=guided(guidance))
+    settings = JudgeSettings(method=guidance)
     return JudgeVectorServices(ScaleVectorObservation(envs), SCHEME, facts_of, settings=settings)
 
 
@@ -190,7 +189,7 @@ def train(args: Args) -> tuple[Any, JudgeVectorServices[np.ndarray, np.ndarray]]
 def main(args: Args) -> Path:
     """Learn, test on people that nobody was trained on, report."""
     agent, envs = train(args)
-    tests, key = make_envs(args, "none"), jax.random.key(args.seed + 1)
+    tests, key = make_envs(args, "service"), jax.random.key(args.seed + 1)
     seen, _ = tests.reset(seed=1_000_000 + args.seed)
     while len(tests.ledger) < args.services:
         for _ in range(100):

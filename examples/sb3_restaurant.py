@@ -25,7 +25,6 @@ from evenhand.adapters import JudgeSettings, JudgeVectorServices, Ledger
 from evenhand.adapters.page import write
 from evenhand.adapters.restaurant import SCHEME, facts_of
 from evenhand.adapters.sb3 import EvennessCallback, restaurant
-from evenhand.methods.guidance import guided
 from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
@@ -52,7 +51,7 @@ def learn(algorithm: str, guidance: str, rollouts: int, seed: int) -> tuple[Any,
     with torch.no_grad():
         policy.action_net.bias.copy_(torch.log(torch.tensor([1 - RESPONDS, RESPONDS])))
     callback = EvennessCallback(
-        SCHEME, facts_of, settings=JudgeSettings(guidance=guided(guidance)), verbose=1
+        SCHEME, facts_of, settings=JudgeSettings(method=guidance), verbose=1
     )
     return model.learn(rollouts * LANES * STEPS, callback), callback
 
@@ -72,7 +71,7 @@ def test(model: Any, services: int, seed: int) -> Ledger:
 def main(folder: Path, algorithm: str, rollouts: int, services: int, seed: int) -> Path:
     """Learn twice, test both, write the report."""
     runs, tests, updates = {}, {}, {}
-    for name, guidance in (("service alone", "none"), ("with level-up", "levelup")):
+    for name, guidance in (("service alone", "service"), ("with level-up", "levelup")):
         model, callback = learn(algorithm, guidance, rollouts, seed)
         runs[name], updates[name] = callback.ledger, callback.examined
         tests[name] = test(model, services, 1_000_000 + seed)

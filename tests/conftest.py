@@ -214,3 +214,14 @@ def opengl(require):
     except InputError as error:
         require("OpenGL" not in str(error), "OpenGL: libegl1 libegl-mesa0 libgl1-mesa-dri")
         raise
+
+
+@pytest.fixture
+def registered():
+    """``evenhand.method``; what is registered by it is forgotten after the test."""
+    from evenhand.methods import registry
+
+    before = dict(registry._entries)
+    yield registry.method
+    registry._entries.clear()
+    registry._entries.update(before)

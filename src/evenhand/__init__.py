@@ -10,6 +10,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "AuditSettings": "evenhand.audits.judge.results",
     "Detector": "evenhand.methods.paper.detector",
+    "Guidance": "evenhand.methods.guidance",
     "InputError": "evenhand.core.errors",
     "Interactions": "evenhand.methods.services",
     "JudgeServices": "evenhand.adapters",
@@ -24,6 +25,8 @@ _PUBLIC = {
     "TrainSettings": "evenhand.training.settings",
     "audit": "evenhand.audits.api",
     "load_detector": "evenhand.methods.detector_file",
+    "load_plugin": "evenhand.core.plugins",
+    "method": "evenhand.methods.registry",
     "paper_issues": "evenhand.methods.paper.issues",
     "score": "evenhand.methods.paper.scores",
     "train": "evenhand.training.train",

@@ -16,7 +16,7 @@ from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
 
-SCHEME = paper_scheme([Identity(one.name, one.categories) for one in people.IDENTITIES])
+SCHEME = paper_scheme([Identity(one.name, one.groups) for one in people.IDENTITIES])
 LANES, STEPS = 4, 150
 
 

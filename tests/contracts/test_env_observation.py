@@ -171,7 +171,7 @@ class TestObservation:
         # one of the categories of each identity
         first = 0
         for identity in people.IDENTITIES:
-            size = len(identity.categories)
+            size = len(identity.groups)
             assert (every[:, first : first + size].sum(axis=1) == 1.0).all()
             first += size
 
@@ -212,11 +212,11 @@ class TestObservation:
         rows = re.findall(r"^ *\| ([\d-]+) \| (.+?) \| (.+?) \|$", text, re.MULTILINE)
         first = 0
         for identity, (index, meaning, unit) in zip(people.IDENTITIES, rows[:5], strict=True):
-            last = first + len(identity.categories) - 1
+            last = first + len(identity.groups) - 1
             assert index == f"{first}-{last}"
             named, categories = meaning.split(": ")
             assert named.split()[0] == identity.name
-            given = "I to VI" if identity.name == "skin" else ", ".join(identity.categories)
+            given = "I to VI" if identity.name == "skin" else ", ".join(identity.groups)
             assert categories == given
             assert unit == "one-hot"
             first = last + 1

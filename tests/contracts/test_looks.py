@@ -13,7 +13,7 @@ from evenhand.restaurant.drawing.guests import Figures
 from evenhand.restaurant.drawing.props import INDOORS
 from evenhand.restaurant.simulation import layout, scene
 
-AGES = people.IDENTITIES[2].categories
+AGES = people.IDENTITIES[2].groups
 STANDING, SEATED = -1, 0
 
 

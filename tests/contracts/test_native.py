@@ -17,7 +17,7 @@ from evenhand.training.policy import Actor, PolicySettings, make_policy
 from evenhand.training.settings import settings_of
 from support.setups import bumping, drawn
 
-SETTINGS = settings_of("service", "ppo", "none", epochs=2)
+SETTINGS = settings_of("service", "ppo", "service", epochs=2)
 MISSING = sensing.SenseSettings(perception=0.8)
 NEEDS = needs.NeedSettings(strength=0.8)
 
@@ -79,7 +79,7 @@ CASES = {
     "every step a decision": {"decide": task.TaskSettings(interval=1)},
     "fewer steps than commands last": {"decide": task.TaskSettings(interval=3)},
     "more steps than a command lasts": {"decide": task.TaskSettings(interval=12)},
-    "unaware": {"settings": replace(SETTINGS, unaware=True)},
+    "unaware": {"settings": replace(SETTINGS, method="unaware")},
     "relu": {"made": policy(activation="relu")},
     "one layer": {"made": policy(hidden=(7,))},
     "three layers": {"made": policy(hidden=(5, 90, 3))},

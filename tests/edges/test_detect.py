@@ -142,7 +142,7 @@ def test_a_detector_of_something_else_trains_nobody(cli, tmp_path, changes, said
     assert cli(*words).complaint == said
     assert not (tmp_path / "run").exists()
     detector = detector_file.load(tmp_path / "d.json")
-    settings = settings_of("service", "ppo", "none", epochs=2)
+    settings = settings_of("service", "ppo", "service", epochs=2)
     with pytest.raises(InputError) as caught:
         run_folder.execute(tmp_path / "run", settings, detector)
     assert str(caught.value) == said

@@ -95,7 +95,7 @@ def test_a_card_of_a_detector(cli, tmp_path):
     ("settings", "shipped", "words"),
     [
         (settings_of("paper", "ppo", "penalty"), True, "--preset paper"),
-        (settings_of("service", "ppo", "none", seed=3, population="us"), True,
+        (settings_of("service", "ppo", "service", seed=3, population="us"), True,
          "--guidance none --seed 3 --population us"),
         (settings_of("service", "ppo", "penalty"), False, "--detector RUN/detector.json"),
     ],

@@ -14,10 +14,7 @@ import numpy as np
 import pytest
 
 from evenhand.methods.paper import scores as paper_scores
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import robots, serve_people, worlds
 
 TABLE = Path(__file__).with_name("services.json")
 SERVICES = 30
@@ -28,13 +25,13 @@ METRES = ("response_distance", "min_distance", "start_distance", "path_length", 
 def run(name: str) -> dict[str, Any]:
     """One window of services: people, facts and scores."""
     rng = np.random.default_rng([2024, robots.NAMES.index(name)])
-    setups = layout.draw(people.population("us"), SERVICES, rng)
-    robot = robots.ScriptedRobot(name, strength=0.9, sloppiness=0.05).robot(setups.asking, rng)
-    done = serve.serve(Lanes(16, task.TaskSettings()), setups, robot, rng, sensing.SenseSettings())
-    table = serve.record(done.facts, setups.asking, epoch=3, scenario="even", robot=name)
+    world = worlds.scenario("even", "us")
+    robot = robots.ScriptedRobot(name, strength=0.9, sloppiness=0.05)
+    done = serve_people.serve_people(world, robot, SERVICES, rng)
+    table = serve_people.table(done, world, name, epoch=3)
     scores = paper_scores.score(table)
     return {
-        "people": setups.asking.tolist(),
+        "people": done.codes.tolist(),
         **{name: plain(table.fact(name)) for name in (*WHOLE, *METRES)},
         "by_identity": {name: plain(score) for name, score in scores.by_identity.items()},
         "missing": scores.missing.tolist(),

@@ -18,7 +18,6 @@ from evenhand.adapters import (
     invented,
     own_issue,
 )
-from evenhand.methods import guidance
 from evenhand.methods.beyond.levelup import CreditSettings
 from evenhand.methods.guidance import GuidanceSettings
 from evenhand.methods.services import Interactions
@@ -121,7 +120,7 @@ def test_evenness_without_weight_leaves_every_reward_bit_for_bit(settings):
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
 @pytest.mark.parametrize("kind", ["levelup", "influence", "score"])
 def test_what_is_paid_is_what_rewards_gain(kind, mode):
-    settings = JudgeSettings(5, guidance.guided(kind))
+    settings = JudgeSettings(5, kind)
     found, env = rewards(settings, mode)
     plain, _ = rewards(JudgeSettings(5), mode)
     assert np.abs(found - plain).sum() > 0
@@ -132,7 +131,7 @@ def test_what_is_paid_is_what_rewards_gain(kind, mode):
 
 
 def test_one_environment_is_paid_as_the_only_lane_of_a_vector():
-    settings = JudgeSettings(5, guidance.guided("influence"))
+    settings = JudgeSettings(5, "influence")
 
     def wrapped(wrapper, env):
         rng = np.random.default_rng(0)
@@ -160,7 +159,7 @@ def test_rewards_keep_their_type():
     judged = JudgeVectorServices(
         env, poles, lambda ended: {"steps": ended.steps},
         sampler=invented(poles), rng=np.random.default_rng(0),
-        settings=JudgeSettings(5, guidance.guided("levelup")),
+        settings=JudgeSettings(5, "levelup"),
     )  # fmt: skip
     judged.reset(seed=0)
     actions = np.random.default_rng(0).integers(0, 2, (200, 4))

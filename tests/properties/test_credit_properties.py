@@ -7,9 +7,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.methods.beyond import levelup
-from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.paper.scores import count, gaps, signed_gaps
+from evenhand.methods import pooling
+from evenhand.methods.beyond import gaps, levelup
+from evenhand.methods.beyond import influence as credit
+from evenhand.methods.beyond.influence import CreditSettings
+from evenhand.methods.paper import scores as paper_scores
+from evenhand.methods.paper.scores import count
 
 TAU = np.array([1.0, 0.5, 2.0])
 
@@ -40,11 +43,11 @@ def settings() -> st.SearchStrategy[CreditSettings]:
 @given(epochs(), settings())
 def test_everything_is_finite(epoch, chosen):
     x, inside, pool = epoch
-    found = levelup.influence(x, inside, TAU, pool, chosen)
+    found = credit.influence(x, inside, TAU, pool, chosen)
     for numbers in (found.gap, found.issue, found.total):
         assert np.isfinite(numbers).all()
-    np.testing.assert_array_equal(np.isnan(found.push), np.isnan(gaps(pool)))
-    for function in (levelup.influence_reward, levelup.levelup_reward):
+    np.testing.assert_array_equal(np.isnan(found.push), np.isnan(paper_scores.gaps(pool)))
+    for function in (credit.influence_reward, levelup.levelup_reward):
         assert np.isfinite(function(x, inside, TAU, pool, chosen)).all()
 
 
@@ -52,7 +55,7 @@ def test_everything_is_finite(epoch, chosen):
 def test_the_weights_of_an_epoch_sum_to_zero(epoch, chosen):
     # all services made more likely alike is no change of any rate
     x, inside, _ = epoch
-    found = levelup.influence(x, inside, TAU, None, chosen)
+    found = credit.influence(x, inside, TAU, None, chosen)
     np.testing.assert_allclose(found.gap.sum(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(found.total.sum(), 0.0, atol=1e-12)
 
@@ -60,7 +63,7 @@ def test_the_weights_of_an_epoch_sum_to_zero(epoch, chosen):
 @given(epochs(), settings())
 def test_what_does_not_apply_gets_no_weight(epoch, chosen):
     x, inside, pool = epoch
-    found = levelup.influence(x, inside, TAU, pool, chosen)
+    found = credit.influence(x, inside, TAU, pool, chosen)
     assert (found.issue[np.isnan(x)] == 0).all()
     unknown = np.isnan(inside)
     assert (found.gap[unknown] == 0).all()
@@ -77,7 +80,7 @@ def test_no_service_is_paid_for_an_issue(epoch, chosen, data):
     pool = pool + count(np.ones_like(with_all), inside)
     none, issue, escaped = x.copy(), x.copy(), x.copy()
     none[i, k], issue[i, k], escaped[i, k] = 0.0, 1.0, np.nan
-    for function in (levelup.influence_reward, levelup.levelup_reward):
+    for function in (credit.influence_reward, levelup.levelup_reward):
         best, worst, away = (
             function(each, inside, TAU, pool, chosen)[i] for each in (none, issue, escaped)
         )
@@ -90,7 +93,7 @@ def test_levelup_never_pays_and_never_charges_the_better_off(epoch, chosen):
     x, inside, pool = epoch
     reward = levelup.levelup_reward(x, inside, TAU, pool, chosen)
     assert (reward <= 0).all()
-    worse = np.nan_to_num(inside) @ (np.nan_to_num(signed_gaps(pool)) > 0)
+    worse = np.nan_to_num(inside) @ (np.nan_to_num(paper_scores.signed_gaps(pool)) > 0)
     assert (reward[(worse == 0).all(axis=1)] == 0).all()
 
 
@@ -98,7 +101,7 @@ def test_levelup_never_pays_and_never_charges_the_better_off(epoch, chosen):
 def test_rewards_grow_with_the_strength(epoch, chosen):
     x, inside, pool = epoch
     one = CreditSettings(strength=1.0, shrink=chosen.shrink, objective=chosen.objective)
-    for function in (levelup.influence_reward, levelup.levelup_reward):
+    for function in (credit.influence_reward, levelup.levelup_reward):
         np.testing.assert_allclose(
             function(x, inside, TAU, pool, chosen),
             chosen.strength * function(x, inside, TAU, pool, one),
@@ -109,7 +112,7 @@ def test_rewards_grow_with_the_strength(epoch, chosen):
 @given(epochs(), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
 def test_more_shrinking_leaves_less(epoch, a, b):
     _, _, pool = epoch
-    little, much = (levelup.beyond_noise(pool, c) for c in sorted((a, b)))
+    little, much = (gaps.beyond_noise(pool, c) for c in sorted((a, b)))
     known = ~np.isnan(little)
     assert ((much[known] >= 0) & (much[known] <= little[known]) & (little[known] <= 1)).all()
 
@@ -119,8 +122,8 @@ def test_the_order_of_services_does_not_matter(epoch, chosen, random):
     x, inside, pool = epoch
     order = list(range(len(x)))
     random.shuffle(order)
-    here = levelup.influence(x, inside, TAU, pool, chosen).total[order]
-    there = levelup.influence(x[order], inside[order], TAU, pool, chosen).total
+    here = credit.influence(x, inside, TAU, pool, chosen).total[order]
+    there = credit.influence(x[order], inside[order], TAU, pool, chosen).total
     np.testing.assert_allclose(here, there, atol=1e-12)
 
 
@@ -128,10 +131,10 @@ def test_the_order_of_services_does_not_matter(epoch, chosen, random):
 def test_pooling_adds_up_the_last_windows(several, windows):
     counts = [count(x, inside[:, :1]) for x, inside, _ in several]
     assume(all(c.inside_n.shape == (1, 3) for c in counts))
-    memory = levelup.Memory.empty(windows, 1, 3)
+    memory = pooling.Pool.empty(windows, 1, 3)
     for c in counts:
-        memory = levelup.remember(memory, c)
-    pool = levelup.pooled(memory)
+        memory = pooling.remember(memory, c)
+    pool = pooling.pooled(memory)
     last = counts[-windows:]
     for name in ("inside_n", "inside_x", "outside_n", "outside_x"):
         np.testing.assert_array_equal(getattr(pool, name), sum(getattr(c, name) for c in last))

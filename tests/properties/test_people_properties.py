@@ -10,7 +10,7 @@ from evenhand.core.errors import InputError
 from evenhand.restaurant import people
 from evenhand.restaurant.people import GROUPS, IDENTITIES, Population, Table
 
-SIZES = [len(identity.categories) for identity in IDENTITIES]
+SIZES = [len(identity.groups) for identity in IDENTITIES]
 
 
 @st.composite

@@ -3,13 +3,13 @@
 from typing import Any
 
 import numpy as np
+from evenhand.training.rivals.base import EpochOutcome
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from evenhand.methods.paper.scores import count, gaps, issue_score, total
 from evenhand.training.rivals import formulas, methods
-from evenhand.training.rivals.base import EpochOutcome
 
 SIZES = (3, 2)
 GROUPS = sum(SIZES)

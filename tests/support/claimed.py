@@ -77,7 +77,7 @@ def made_demos(ignored: int = 6) -> Demos:
     step = np.where((kind == 2) & (codes["age"] == 0), 250, 100)
     distance = np.where((kind == 3) & (codes["disability"] == 0), 2.0, 1.25)
     table = Interactions.build(
-        {one.name: (codes[one.name], one.categories) for one in IDENTITIES},
+        {one.name: (codes[one.name], one.groups) for one in IDENTITIES},
         {
             "responded": responded,
             "response_step": np.ma.array(step, mask=~responded),

@@ -1,20 +1,21 @@
 """An epoch of five services by hand; see ``test_lesson``."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods import detector_file, registry
+from evenhand.methods.guard import Held, Watch
 from evenhand.methods.paper.detector import WindowVerdict
+from evenhand.methods.paper.epoch import Epoch
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout, serve
 from evenhand.restaurant.simulation.lanes import Facts
 from evenhand.training import advantages, train
-from evenhand.training.advantages import Lesson
-from evenhand.training.epoch import Epoch
-from evenhand.training.memory import Past
+from evenhand.training.advantages import Advantages
+from evenhand.training.epoch import epoch_of
+from evenhand.training.memory import Memory
 from evenhand.training.policy import state_values
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import UpdateSettings
@@ -59,26 +60,28 @@ def services(x: np.ndarray = X) -> serve.Services:
     return serve.Services(facts, seen, np.zeros((5, 6), np.int32), MASK)
 
 
-def epoch(x: np.ndarray = X, biased: bool = False) -> Epoch:
-    none = np.zeros(0)
-    said = WindowVerdict(np.array(biased), none, none.astype(bool), none.astype(np.int64))
-    made = Epoch(services(x), CODES, lambda _: said)
-    vars(made)["x"] = x  # in place of what would be counted: nobody is late
-    return made
+@dataclass(frozen=True)
+class Spec:
+    """An epoch to be made: issues of its services, and what the detector says."""
+
+    x: np.ndarray = field(default_factory=lambda: X)
+    biased: bool = False
 
 
-CALM = epoch(np.zeros((5, 4)))
+CALM = Spec(np.zeros((5, 4)))
 """Everybody is served perfectly."""
-EPOCH, BIASED = epoch(), epoch(biased=True)
+EPOCH, BIASED = Spec(), Spec(biased=True)
 
 
-def settings(kind: Any = "none", shrink: float = 0.0, **changes: Any) -> TrainSettings:
-    told = {name: changes.pop(name) for name in ("when", "guarded", "tau") if name in changes}
-    told.setdefault("guarded", False)
-    weigh = CreditSettings(shrink=shrink, strength=changes.pop("strength", 1.0))
+def settings(name: str = "service", shrink: float = 0.0, **changes: Any) -> TrainSettings:
+    told = {n: changes.pop(n) for n in ("when", "guarded", "strength", "windows") if n in changes}
+    if name in ("levelup", "influence", "surgery"):
+        told = {"guarded": False, "strength": 1.0, "shrink": shrink} | told
+    elif name in ("score", "penalty"):
+        told = {"strength": 1.0} | told
     return TrainSettings(
         preset="service",
-        guidance=GuidanceSettings(kind=kind, weigh=weigh, **told),
+        method=registry.create(name, **told),
         # reward-to-go: what a service earned is the target at all its decisions
         update=UpdateSettings(gamma=1.0, gae_lambda=1.0),
         people=5,
@@ -86,27 +89,50 @@ def settings(kind: Any = "none", shrink: float = 0.0, **changes: Any) -> TrainSe
     )
 
 
-def past_of(chosen: TrainSettings, *epochs: Epoch) -> Past:
-    past = Past.empty(chosen)
-    for one in epochs:
-        past = advantages.remembered(chosen, one, past)
-    return past
+def made(chosen: TrainSettings, spec: Spec, memory: Memory) -> tuple[Epoch, Watch, np.ndarray]:
+    """An epoch, what becomes of the guard, and the critic's values."""
+    none = np.zeros(0)
+    said = WindowVerdict(np.array(spec.biased), none, none.astype(bool), none.astype(np.int64))
+    done = services(spec.x)
+    value = np.asarray(state_values(train.untrained(chosen).policy, done.observation))
+    detector = detector_file.load(detector_file.SHIPPED)
+    epoch, _ = epoch_of(chosen, done, CODES, detector, value, memory.guard)
+    # in place of what would be counted: nobody is late
+    watch = Watch(memory.guard, spec.x, epoch.inside)
+    return replace(epoch, x=spec.x, judge=lambda _: said, guard=watch), watch, value
 
 
-def evenness(chosen: TrainSettings, *epochs: Epoch) -> np.ndarray:
-    """Of the last of these epochs."""
-    return advantages.evenness(chosen, epochs[-1], past_of(chosen, *epochs))
+def learn(
+    chosen: TrainSettings, *specs: Spec, memory: Any = None, guard: float | None = None
+) -> tuple[Advantages, Memory, np.ndarray]:
+    """What the last of these epochs gives, the memory after it, and the critic's values.
 
-
-def learn(chosen: TrainSettings, *epochs: Epoch, rival: Any = None) -> tuple[Lesson, Past, Any]:
-    """The lesson of the last of these epochs, the past after it, and the critic's values."""
+    Args:
+        chosen: settings.
+        specs: the epochs.
+        memory: of the method before the last of them.
+        guard: the guard's strength after the last of them.
+    """
     policy = train.untrained(chosen).policy
     following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
-    past = past_of(chosen, *epochs)
-    past = past if rival is None else replace(past, rival=rival)
-    value = np.asarray(state_values(policy, epochs[-1].done.observation))
-    taught, after = advantages.learn_from(chosen, policy, value, epochs[-1], past, following)
-    return taught, after, value
+    kept = Memory.begin(chosen)
+    for number, spec in enumerate(specs, 1):
+        last = number == len(specs)
+        if last and memory is not None:
+            kept = replace(kept, method=memory)
+        epoch, watch, value = made(chosen, spec, kept)
+        after = watch.after
+        if last and guard is not None:
+            after = replace(after, strength=guard)
+            epoch = replace(epoch, guard=Held(after))
+        taught, method = advantages.learn_from(chosen, policy, value, epoch, kept.method, following)
+        kept = replace(kept, guard=after, method=method)
+    return taught, kept, value
+
+
+def evenness(chosen: TrainSettings, *specs: Spec, **others: Any) -> np.ndarray:
+    """What it adds to the rewards of the last of these epochs."""
+    return learn(chosen, *specs, **others)[0].evenness
 
 
 def assert_at_decisions(found: Any, each: np.ndarray) -> None:

@@ -52,7 +52,7 @@ def table(**facts: list) -> Interactions:
     """Services with these facts; everybody is a child."""
     n = len(next(iter(facts.values())))
     facts = {"service": list(range(n)), "epoch": [0] * n} | facts
-    return Interactions.build({"age": (np.zeros(n, int), people.IDENTITIES[2].categories)}, facts)
+    return Interactions.build({"age": (np.zeros(n, int), people.IDENTITIES[2].groups)}, facts)
 
 
 def run_folder(folder: Path, services: int = 60, states_kept: bool = True) -> Path:

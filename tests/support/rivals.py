@@ -4,9 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from evenhand.training.rivals.base import EpochOutcome
 
 from evenhand.methods.paper.scores import Counts
-from evenhand.training.rivals.base import EpochOutcome
 
 NAN = np.nan
 NONE_EARLIER = Counts(*np.zeros((4, 2, 1)))

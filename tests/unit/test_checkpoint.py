@@ -11,6 +11,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.training import checkpoint
+from evenhand.training.checkpoint import State
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import Trajectories, UpdateSettings, make_learner, update
 
@@ -48,7 +49,7 @@ def assert_same_bits(a, b):
 def saved(tmp_path):
     """A checkpoint of a fresh learner."""
     path = tmp_path / "checkpoint.npz"
-    checkpoint.save(path, learner(), fingerprints=MADE_WITH, extra={"epoch": 7})
+    checkpoint.save(path, State(learner()), fingerprints=MADE_WITH, extra={"epoch": 7})
     return path
 
 
@@ -62,15 +63,15 @@ def test_a_resumed_run_is_the_undisturbed_run_bit_for_bit(tmp_path):
     rng = np.random.default_rng(3)
     half, _ = epochs(learner(), rng, 2)
     extra = {"epoch": 2, "random": rng.bit_generator.state, "mean": 0.1, "none": None}
-    checkpoint.save(tmp_path / "c.npz", half, fingerprints=MADE_WITH, extra=extra)
+    checkpoint.save(tmp_path / "c.npz", State(half), fingerprints=MADE_WITH, extra=extra)
 
     # Another process would start from nothing but the file and fresh weights of the same shape.
-    found = checkpoint.load(tmp_path / "c.npz", learner(seed=99), MADE_WITH)
-    assert_same_bits(found.state, half)
+    found = checkpoint.load(tmp_path / "c.npz", State(learner(seed=99)), MADE_WITH)
+    assert_same_bits(found.state.learner, half)
     assert found.extra == extra
     rng = np.random.default_rng()
     rng.bit_generator.state = found.extra["random"]
-    resumed, reports = epochs(found.state, rng, 2)
+    resumed, reports = epochs(found.state.learner, rng, 2)
     assert_same_bits(resumed, undisturbed)
     assert reports == all_reports[2:]
     assert int(resumed.step) == 4
@@ -81,22 +82,28 @@ def test_the_file_is_a_plain_archive_with_named_arrays(saved):
         names = list(archive)
         header = json.loads(archive["header"].tobytes())
         np.testing.assert_array_equal(
-            archive["policy.actor.weights.0"], learner().policy.actor.weights[0]
+            archive["learner.policy.actor.weights.0"], learner().policy.actor.weights[0]
         )
-    assert names[:3] == ["header", "policy.actor.weights.0", "policy.actor.weights.1"]
-    assert names[-1] == "step"
+    assert names[:3] == [
+        "header",
+        "learner.policy.actor.weights.0",
+        "learner.policy.actor.weights.1",
+    ]
+    assert names[-1] == "learner.step"
     assert header["fingerprints"] == MADE_WITH
     assert header["extra"] == {"epoch": 7}
 
 
 def test_the_same_state_gives_the_same_file(saved, tmp_path):
-    checkpoint.save(tmp_path / "b.npz", learner(), fingerprints=MADE_WITH, extra={"epoch": 7})
+    checkpoint.save(
+        tmp_path / "b.npz", State(learner()), fingerprints=MADE_WITH, extra={"epoch": 7}
+    )
     assert (tmp_path / "b.npz").read_bytes() == saved.read_bytes()
 
 
 def test_only_what_is_expected_must_agree(saved):
-    assert checkpoint.load(saved, learner(), {"detector": "4567"}).extra == {"epoch": 7}
-    assert checkpoint.load(saved, learner(), {}).extra == {"epoch": 7}
+    assert checkpoint.load(saved, State(learner()), {"detector": "4567"}).extra == {"epoch": 7}
+    assert checkpoint.load(saved, State(learner()), {}).extra == {"epoch": 7}
 
 
 # --- files that cannot be used ---
@@ -104,7 +111,7 @@ def test_only_what_is_expected_must_agree(saved):
 
 def refuse(path, message, like=None, expect=MADE_WITH):
     with pytest.raises(InputError, match=message) as caught:
-        checkpoint.load(path, like or learner(), expect)
+        checkpoint.load(path, State(like or learner()), expect)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -200,8 +207,8 @@ def test_another_number_of_layers_is_refused(saved):
 
 
 def test_a_later_format_is_refused(saved, monkeypatch):
-    monkeypatch.setattr(checkpoint, "_VERSION", 2)
-    refuse(saved, "has format version 1, and this Evenhand reads version 2")
+    monkeypatch.setattr(checkpoint, "_VERSION", 3)
+    refuse(saved, "has format version 2, and this Evenhand reads version 3")
 
 
 # --- writing ---
@@ -222,7 +229,7 @@ def test_an_interrupted_save_keeps_the_earlier_file_and_leaves_nothing(
     monkeypatch.setattr(np, "savez", half_written)
     expected = InputError if isinstance(interruption, OSError) else KeyboardInterrupt
     with pytest.raises(expected) as caught:
-        checkpoint.save(saved, learner(), fingerprints={}, extra={})
+        checkpoint.save(saved, State(learner()), fingerprints={}, extra={})
     if expected is InputError:
         assert f"{saved} cannot be written: No space left on device" in str(caught.value)
     assert saved.read_bytes() == before
@@ -233,20 +240,22 @@ def test_an_earlier_file_is_replaced_and_never_written_into(saved):
     # Whoever still reads the earlier file sees it whole.
     before = saved.read_bytes()
     with open(saved, "rb") as reader:
-        checkpoint.save(saved, learner(), fingerprints=MADE_WITH, extra={"epoch": 8})
+        checkpoint.save(saved, State(learner()), fingerprints=MADE_WITH, extra={"epoch": 8})
         assert reader.read() == before
-    assert checkpoint.load(saved, learner(), MADE_WITH).extra == {"epoch": 8}
+    assert checkpoint.load(saved, State(learner()), MADE_WITH).extra == {"epoch": 8}
 
 
 def test_a_folder_that_does_not_exist_is_said(tmp_path):
     path = tmp_path / "none" / "c.npz"
     with pytest.raises(InputError, match="cannot be written: No such file or directory"):
-        checkpoint.save(path, learner(), fingerprints={}, extra={})
+        checkpoint.save(path, State(learner()), fingerprints={}, extra={})
 
 
 def test_what_json_cannot_hold_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(TypeError):
-        checkpoint.save(tmp_path / "c.npz", learner(), fingerprints={}, extra={"x": np.float32(1)})
+        checkpoint.save(
+            tmp_path / "c.npz", State(learner()), fingerprints={}, extra={"x": np.float32(1)}
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -119,7 +119,7 @@ def test_every_arm_differs_from_service_alone_in_its_method_only():
     assert not plain.unaware
     for kind in ("score", "penalty", *guidance.SERVICE_KINDS):
         weight = ARMS[kind].strength or plain.evenness_weight
-        told = replace(plain, guidance=guidance.guided(kind), evenness_weight=weight)
+        told = replace(plain, guidance=guided(kind), evenness_weight=weight)
         assert training(kind) == told
     for name in ("lagrangian", "a_ppo", "elbert", "group_dro", "ggf"):
         told = replace(plain, rival=name, rival_strength=ARMS[name].strength)
@@ -168,7 +168,7 @@ def served(disabled: np.ndarray) -> Interactions:
     codes = np.zeros((n, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
     return Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(people.IDENTITIES)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": ~disabled,
             "response_step": np.ma.array(np.full(n, 100), mask=disabled),

@@ -28,16 +28,14 @@ EVEN = np.arange(WINDOWS) % 3 == 0
 def made_demos() -> Demos:
     """Even windows, and windows in which the first category of the shown identity is ignored."""
     rng = np.random.default_rng(8)
-    codes = np.column_stack(
-        [rng.integers(len(one.categories), size=30 * WINDOWS) for one in PEOPLE]
-    )
+    codes = np.column_stack([rng.integers(len(one.groups), size=30 * WINDOWS) for one in PEOPLE])
     about = [[one.name for one in PEOPLE].index(name) for name in IDENTITIES]
     column = np.repeat(np.array(about)[SHOWN], 30)
     uneven = ~np.repeat(EVEN, 30) & (codes[np.arange(len(codes)), column] == 0)
     responded = rng.random(len(codes)) > np.where(uneven, 0.8, 0.2)
     near = rng.random(len(codes)) < 0.3
     table = Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(PEOPLE)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(PEOPLE)},
         {
             "responded": responded,
             "response_step": np.ma.array(rng.integers(100, 300, len(codes)), mask=~responded),

@@ -1,16 +1,18 @@
 """Credit by hand, by numerical differentiation and by enumerating a whole policy."""
 
 import itertools
-import json
 
 import numpy as np
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond import levelup
-from evenhand.methods.beyond.levelup import CreditSettings, Memory
+from evenhand.methods import pooling
+from evenhand.methods.beyond import gaps, levelup
+from evenhand.methods.beyond import influence as credit
+from evenhand.methods.beyond.influence import CreditSettings
 from evenhand.methods.paper import scores as paper_scores
 from evenhand.methods.paper.scores import Counts, count
+from evenhand.methods.pooling import Pool
 
 NAN = np.nan
 RAW = CreditSettings(shrink=0.0)
@@ -43,7 +45,7 @@ class TestInfluenceByHand:
     # Issue 1: p(A) = 2/3, p(B) = 0, s = 1 for A and -1 for B; both groups say the same.
     # Issue 2: p(A) = 1/2 of two services, p(B) = 0.
     def test_each_issue(self):
-        found = levelup.influence(X, A_OR_B, TAU, settings=RAW)
+        found = credit.influence(X, A_OR_B, TAU, settings=RAW)
         first = [1 / 9, -2 / 9, 1 / 9, 0.0, 0.0]
         second = [-1 / 4, 1 / 4, 0.0, 0.0, 0.0]
         np.testing.assert_allclose(found.issue.T, [first, second], atol=1e-15)
@@ -52,32 +54,32 @@ class TestInfluenceByHand:
 
     def test_a_missing_gap_leaves_the_mean(self):
         with_empty = np.concatenate([A_OR_B, np.zeros((5, 1))], axis=1)
-        found = levelup.influence(X, with_empty, TAU, settings=RAW)
+        found = credit.influence(X, with_empty, TAU, settings=RAW)
         np.testing.assert_allclose(found.issue[0], [1 / 9, -1 / 4], atol=1e-15)
         assert np.isnan(found.push[2]).all()
         assert (found.gap[:, 2] == 0).all()
 
     def test_without_any_gap_nobody_gets_weight(self):
-        found = levelup.influence(X, np.ones((5, 1)), TAU, settings=RAW)
+        found = credit.influence(X, np.ones((5, 1)), TAU, settings=RAW)
         assert (found.total == 0).all()
         assert np.isnan(found.push).all()
 
     def test_no_response_at_all_leaves_the_other_issue(self):
         silent = np.array([[1.0, NAN], [1.0, NAN], [0.0, NAN]])
         inside = np.array([[1.0], [0.0], [0.0]])
-        found = levelup.influence(silent, inside, TAU, settings=RAW)
+        found = credit.influence(silent, inside, TAU, settings=RAW)
         np.testing.assert_allclose(found.issue, [[0, 0], [-1 / 4, 0], [1 / 4, 0]])
 
     def test_pooled_rates_current_numbers(self):
         # pooled: p(A) = 3/4, p(B) = 1/4; now two of A and one of B
         pool = counts(8, 6, 4, 1)
         x, inside = np.array([[1.0], [0.0], [1.0]]), np.array([[1.0], [1.0], [0.0]])
-        found = levelup.influence(x, inside, (1.0,), pool, RAW)
+        found = credit.influence(x, inside, (1.0,), pool, RAW)
         np.testing.assert_allclose(found.issue[:, 0], [1 / 8, -3 / 8, -3 / 4])
 
     def test_a_gap_that_pooling_brings_weighs_the_side_that_is_there(self):
         pool = counts(4, 4, 4, 0)
-        found = levelup.influence(np.array([[0.0]]), np.array([[1.0]]), (1.0,), pool, RAW)
+        found = credit.influence(np.array([[0.0]]), np.array([[1.0]]), (1.0,), pool, RAW)
         assert found.total == pytest.approx([-1.0])
 
     def test_shrinking(self):
@@ -85,7 +87,7 @@ class TestInfluenceByHand:
         pool = counts(8, 6, 8, 2)
         x, inside = np.array([[1.0]]), np.array([[1.0]])
         for c, share in ((0.0, 1.0), (1.0, 3 / 4), (1.5, 7 / 16), (2.0, 0.0), (9.0, 0.0)):
-            found = levelup.influence(x, inside, (1.0,), pool, CreditSettings(shrink=c))
+            found = credit.influence(x, inside, (1.0,), pool, CreditSettings(shrink=c))
             assert found.push[0, 0] == pytest.approx(share)
             assert found.total == pytest.approx([share / 4])
 
@@ -119,7 +121,7 @@ class TestInfluenceIsTheDerivative:
             return self.TAU @ np.nanmean(np.abs(d), axis=0)
 
         x, inside, direction, expected = self.slope(seed, total)
-        found = levelup.influence(x, inside, self.TAU, settings=RAW)
+        found = credit.influence(x, inside, self.TAU, settings=RAW)
         assert found.total @ direction == pytest.approx(expected, abs=1e-6)
         assert abs(expected) > 1e-3
 
@@ -128,12 +130,12 @@ class TestInfluenceIsTheDerivative:
             return np.nanmean(np.abs(d[3:]), axis=0)
 
         x, inside, direction, expected = self.slope(seed, score)
-        found = levelup.influence(x, inside, self.TAU, settings=RAW).over([3, 4, 5, 6])
+        found = credit.influence(x, inside, self.TAU, settings=RAW).over([3, 4, 5, 6])
         np.testing.assert_allclose(direction @ found, expected, atol=1e-6)
 
     def test_of_each_signed_gap(self, seed):
         x, inside, direction, expected = self.slope(seed, lambda d: d)
-        found = levelup.influence(x, inside, self.TAU, settings=RAW)
+        found = credit.influence(x, inside, self.TAU, settings=RAW)
         np.testing.assert_allclose(np.tensordot(direction, found.gap, (0, 0)), expected, atol=1e-6)
 
     def test_of_squared_gaps(self, seed):
@@ -142,12 +144,12 @@ class TestInfluenceIsTheDerivative:
 
         x, inside, direction, expected = self.slope(seed, squares)
         settings = CreditSettings(shrink=0.0, objective="squared")
-        found = levelup.influence(x, inside, self.TAU, settings=settings)
+        found = credit.influence(x, inside, self.TAU, settings=settings)
         assert found.total @ direction == pytest.approx(expected, abs=1e-6)
 
     def test_identities_together_give_all_groups(self, seed):
         # by the numbers of their groups: 3 and 4 of 7
-        found = levelup.influence(*window(seed), self.TAU, settings=RAW)
+        found = credit.influence(*window(seed), self.TAU, settings=RAW)
         both = (3 * found.over([0, 1, 2]) + 4 * found.over([3, 4, 5, 6])) / 7
         np.testing.assert_allclose(both, found.issue, atol=1e-15)
 
@@ -177,7 +179,7 @@ class TestPolicyGradient:
                 chance *= [1 - r[g], r[g] * (1 - q[g]), r[g] * q[g]][o]
                 score[i, g] = (o > 0) - r[g]
                 score[i, 2 + g] = 0.0 if o == 0 else (o == 2) - q[g]
-            found = levelup.influence(x, inside, (1.0, 1.0), pool, RAW)
+            found = credit.influence(x, inside, (1.0, 1.0), pool, RAW)
             total += chance * score.T @ found.issue
         return total
 
@@ -205,18 +207,18 @@ class TestPolicyGradient:
 class TestNoise:
     def test_standard_error_by_hand(self):
         # p = 6/16, 15/64 · (1/4 + 1/12) = 5/64
-        assert levelup.standard_error(counts(4, 3, 12, 3))[0, 0] == pytest.approx((5 / 64) ** 0.5)
+        assert gaps.standard_error(counts(4, 3, 12, 3))[0, 0] == pytest.approx((5 / 64) ** 0.5)
 
     def test_rates_of_0_and_1_are_not_certain(self):
         # 1 of 1 against 0 of 4: p = 1/5, se² = 4/25 · 5/4 = 1/5, so 1 - 1/5 of the gap counts
-        assert levelup.beyond_noise(counts(1, 1, 4, 0), 1.0)[0, 0] == pytest.approx(4 / 5)
-        assert levelup.beyond_noise(counts(3, 3, 4, 4), 1.0)[0, 0] == 0.0
+        assert gaps.beyond_noise(counts(1, 1, 4, 0), 1.0)[0, 0] == pytest.approx(4 / 5)
+        assert gaps.beyond_noise(counts(3, 3, 4, 4), 1.0)[0, 0] == 0.0
 
     @pytest.mark.parametrize("sides", [(0, 0, 5, 2), (5, 2, 0, 0), (0, 0, 0, 0)])
     def test_an_empty_side_is_missing(self, sides):
-        assert np.isnan(levelup.standard_error(counts(*sides))).all()
-        assert np.isnan(levelup.beyond_noise(counts(*sides), 1.0)).all()
-        assert np.isnan(levelup.push(counts(*sides), CreditSettings())).all()
+        assert np.isnan(gaps.standard_error(counts(*sides))).all()
+        assert np.isnan(gaps.beyond_noise(counts(*sides), 1.0)).all()
+        assert np.isnan(credit.push(counts(*sides), CreditSettings())).all()
 
     def test_chance_gaps_of_an_even_robot_hardly_steer(self):
         # 4 windows of 30 services, 5 groups: what is left of |d| is a third or less
@@ -226,8 +228,8 @@ class TestNoise:
         full = np.full((2000, 1), n)
         c = Counts(full, sides[0] * 1.0, np.full((2000, 1), m), sides[1] * 1.0)
         gap = paper_scores.gaps(c)
-        assert (gap * levelup.beyond_noise(c, 1.0)).mean() < gap.mean() / 3
-        assert (levelup.beyond_noise(c, 2.0) > 0).mean() < 0.06
+        assert (gap * gaps.beyond_noise(c, 1.0)).mean() < gap.mean() / 3
+        assert (gaps.beyond_noise(c, 2.0) > 0).mean() < 0.06
 
 
 class TestMemory:
@@ -236,37 +238,31 @@ class TestMemory:
         return Counts(*(np.full((2, 3), float(number * side)) for side in (1, 10, 100, 1000)))
 
     def test_it_holds_the_last_windows(self):
-        memory = Memory.empty(3, 2, 3)
+        memory = Pool.empty(3, 2, 3)
         sums = []
         for number in range(1, 6):
-            memory = levelup.remember(memory, self.epoch(number))
-            sums.append((memory.filled, levelup.pooled(memory).inside_n[0, 0]))
+            memory = pooling.remember(memory, self.epoch(number))
+            sums.append((memory.filled, pooling.pooled(memory).inside_n[0, 0]))
         assert sums == [(1, 1), (2, 3), (3, 6), (3, 9), (3, 12)]
-        pool = levelup.pooled(memory)
+        pool = pooling.pooled(memory)
         for name, factor in (("inside_x", 10), ("outside_n", 100), ("outside_x", 1000)):
             np.testing.assert_array_equal(getattr(pool, name), np.full((2, 3), 12.0 * factor))
 
     def test_it_stays_as_it_was(self):
-        empty = Memory.empty(2, 2, 3)
-        levelup.remember(empty, self.epoch(1))
+        empty = Pool.empty(2, 2, 3)
+        pooling.remember(empty, self.epoch(1))
         assert empty.filled == 0
         assert (empty.windows == 0).all()
 
     def test_one_window_is_the_current_one(self):
-        memory = Memory.empty(1, 2, 3)
+        memory = Pool.empty(1, 2, 3)
         for number in (5, 7):
-            memory = levelup.remember(memory, self.epoch(number))
-        assert (levelup.pooled(memory).inside_n == 7).all()
-
-    def test_through_json(self):
-        memory = levelup.remember(Memory.empty(2, 2, 3), self.epoch(1))
-        back = Memory.of(json.loads(json.dumps(memory.plain())))
-        np.testing.assert_array_equal(back.windows, memory.windows)
-        assert back.filled == 1
+            memory = pooling.remember(memory, self.epoch(number))
+        assert (pooling.pooled(memory).inside_n == 7).all()
 
     def test_other_groups_do_not_fit(self):
-        with pytest.raises(InputError, match="begin a new memory"):
-            levelup.remember(Memory.empty(2, 5, 3), self.epoch(1))
+        with pytest.raises(InputError, match="begin a new one"):
+            pooling.remember(Pool.empty(2, 5, 3), self.epoch(1))
 
 
 class TestRewards:
@@ -281,7 +277,7 @@ class TestRewards:
 
     def reward(self, x, tau, **settings):
         chosen = CreditSettings(shrink=0.0, **settings)
-        return levelup.influence_reward(np.array(x), self.INSIDE, tau, self.POOL, chosen)
+        return credit.influence_reward(np.array(x), self.INSIDE, tau, self.POOL, chosen)
 
     def test_influence_reward_by_hand(self):
         # -2 · 4 services · (x - 3/4) / 2 for the worse-off, nothing for the others
@@ -292,7 +288,7 @@ class TestRewards:
 
     def test_without_the_guard_the_better_off_would_be_paid(self):
         x = np.array([[1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
-        raw = -levelup.influence(x, self.INSIDE, (1.0, 0.0), self.POOL, RAW).total
+        raw = -credit.influence(x, self.INSIDE, (1.0, 0.0), self.POOL, RAW).total
         assert raw[2] > 0 > raw[3]
 
     def test_ignoring_somebody_does_not_spare_the_cost_of_a_bad_response(self):
@@ -317,15 +313,15 @@ class TestRewards:
     def test_no_strength_no_reward(self):
         x = np.ones((4, 2))
         none = CreditSettings(strength=0.0)
-        for function in (levelup.influence_reward, levelup.levelup_reward):
+        for function in (credit.influence_reward, levelup.levelup_reward):
             assert (function(x, self.INSIDE, TAU, self.POOL, none) == 0).all()
 
     def test_it_lowers_the_score_of_a_softmax_of_services(self):
         # weights exp(θ · reward): a first step towards better paid services evens the rates
         x = np.array([[1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 1.0]])
         inside = np.repeat([[1.0, 0.0], [0.0, 1.0]], 3, axis=0)
-        reward = levelup.influence_reward(x, inside, (1.0, 1.0), settings=RAW)
-        slope = levelup.influence(x, inside, (1.0, 1.0), settings=RAW).total @ reward
+        reward = credit.influence_reward(x, inside, (1.0, 1.0), settings=RAW)
+        slope = credit.influence(x, inside, (1.0, 1.0), settings=RAW).total @ reward
         assert slope < 0
 
 
@@ -347,7 +343,7 @@ class TestWrongInput:
 
     @pytest.mark.parametrize("tau", [(1.0,), (1.0, -1.0), (1.0, NAN), (1.0, np.inf), 1.0])
     @pytest.mark.parametrize(
-        "function", [levelup.influence, levelup.influence_reward, levelup.levelup_reward]
+        "function", [credit.influence, credit.influence_reward, levelup.levelup_reward]
     )
     def test_tau(self, function, tau):
         with pytest.raises(InputError, match="2 finite numbers"):
@@ -355,12 +351,12 @@ class TestWrongInput:
 
     def test_rows_that_do_not_fit(self):
         with pytest.raises(InputError, match="one row a service"):
-            levelup.influence(X, A_OR_B[:4], TAU)
+            credit.influence(X, A_OR_B[:4], TAU)
 
     def test_counts_of_other_groups(self):
         with pytest.raises(InputError, match="same groups and issues"):
-            levelup.influence(X, A_OR_B, TAU, counts(9, 1, 9, 1))
+            credit.influence(X, A_OR_B, TAU, counts(9, 1, 9, 1))
 
     def test_counts_without_the_epoch(self):
         with pytest.raises(InputError, match="fewer services"):
-            levelup.influence(X, A_OR_B, TAU, count(X[:3], A_OR_B[:3]))
+            credit.influence(X, A_OR_B, TAU, count(X[:3], A_OR_B[:3]))

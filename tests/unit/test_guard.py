@@ -1,7 +1,6 @@
 """The guard over time, on histories made by hand."""
 
 import itertools
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from scipy import stats
 
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond.guard import Guard, GuardSettings, watch, weight, worse
+from evenhand.methods.guard import Guard, GuardSettings, watch, weight, worse
 from evenhand.methods.paper.scores import Counts
 
 SETTINGS = GuardSettings()
@@ -112,15 +111,6 @@ class TestWatch:
             guard, chance = watch(guard, epoch(rng.binomial(6, 0.2, runs)), settings)
         alarms = np.count_nonzero(chance < settings.level)
         assert 0 < alarms <= stats.binom.ppf(0.999, runs, settings.level)
-
-    def test_through_json(self):
-        guard = Guard.new(2, 1, SETTINGS)
-        for _ in range(6):
-            guard, _ = watch(guard, epoch((1, 3)), SETTINGS)
-        back = Guard.of(json.loads(json.dumps(guard.plain())))
-        np.testing.assert_array_equal(back.reference, guard.reference)
-        np.testing.assert_array_equal(back.recent.windows, guard.recent.windows)
-        assert back.strength == guard.strength
 
 
 @pytest.mark.parametrize(

@@ -167,9 +167,9 @@ class TestWrongSettings:
 
     def test_a_kind_comes_with_its_own_strength(self):
         assert set(STRENGTH) == set(SERVICE_KINDS)
-        assert guided("levelup").weigh.strength == STRENGTH["levelup"]
+        assert "levelup".weigh.strength == STRENGTH["levelup"]
         assert guided("levelup", 0.0).weigh.strength == 0.0
-        assert guided("none") == GuidanceSettings("none")
+        assert GuidanceSettings("none") == "none"
         assert guided("score", credit="epoch") == GuidanceSettings("score", credit="epoch")
         with pytest.raises(InputError, match="strength is nan"):
             guided("levelup", NAN)

@@ -175,7 +175,7 @@ def test_a_run_begins_with_it_in_its_scenario_only(few):
 
 
 def test_the_unaware_cannot_take_it_over(few):
-    chosen = replace(SETTINGS, unaware=True)
+    chosen = replace(SETTINGS, method="unaware")
     policy = train.begin(chosen).policy
     robot = train.robot(chosen, policy)
     at = np.zeros((2, 25), np.float32)

@@ -13,18 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods.beyond import levelup
-from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.guidance import KINDS
+from evenhand.core import tree
+from evenhand.core.errors import InputError
+from evenhand.methods import registry
+from evenhand.methods.beyond.influence import CreditSettings, influence_reward
+from evenhand.methods.beyond.levelup import levelup_reward
+from evenhand.methods.guidance import Guidance
 from evenhand.methods.paper.scores import Counts
 from evenhand.restaurant import people
-from evenhand.restaurant.simulation import layout
-from evenhand.training import advantages, train
-from evenhand.training.memory import Past
-from evenhand.training.policy import state_values
-from evenhand.training.rivals import methods
-from evenhand.training.rivals.base import EpochOutcome, to_arrays
-from evenhand.training.settings import TrainSettings
+from evenhand.training.memory import Memory
 from support.lessons import (
     ADULT,
     BIASED,
@@ -41,7 +38,6 @@ from support.lessons import (
     assert_at_decisions,
     evenness,
     learn,
-    past_of,
     settings,
 )
 
@@ -49,43 +45,26 @@ from support.lessons import (
 
 
 def test_the_epoch_is_counted_and_the_guard_looks_at_imperfect_services():
-    past = past_of(settings(), CALM, EPOCH)
-    assert past.memory.filled == 2
-    newest = past.memory.windows[-1]
+    _, memory, _ = learn(settings("levelup"), CALM, EPOCH)
+    assert memory.method.filled == 2
+    newest = memory.method.windows[-1]
     # inside n and x, outside n and x of children: services, responses, responses, services
     np.testing.assert_array_equal(
         newest[CHILD], [[3, 1, 2, 0], [2, 1, 2, 0], [2, 0, 2, 0], [3, 1, 2, 0]]
     )
-    seen = past.guard.recent.windows[-1]
-    np.testing.assert_array_equal(seen[[CHILD, ADULT, 22], 0, :2], [[3, 2], [2, 1], [5, 3]])
+    seen = memory.guard.recent.windows[-1]
+    np.testing.assert_array_equal(seen[[CHILD, ADULT, 22], 0, :2], [[3, 2], [2, 0], [5, 2]])
     assert len(seen) == 23
 
 
-def test_remembering_leaves_the_past_before_as_it_was():
-    before = Past.empty(settings())
-    after = advantages.remembered(settings(), EPOCH, before)
-    assert (before.memory.filled, after.memory.filled) == (0, 1)
-    assert (before.memory.windows == 0).all()
-    assert after.rival is before.rival
-    assert after.reflection is before.reflection
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_only_who_looks_back_learns_from_what_is_remembered(kind):
-    chosen = settings(kind)
-    policy = train.untrained(chosen).policy
-    following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
-    value = np.asarray(state_values(policy, EPOCH.done.observation))
-    with_it, without = (
-        advantages.learn_from(chosen, policy, value, EPOCH, past_of(chosen, *epochs), following)[0]
-        for epochs in ((CALM, EPOCH), (CALM, CALM))
-    )
-    same = all(
-        np.array_equal(getattr(with_it, name), getattr(without, name))
-        for name in ("advantage", "target", "fair", "even")
-        if getattr(with_it, name) is not None
-    )
-    assert same != advantages.looks_back(chosen)
+@pytest.mark.parametrize("name", registry.names())
+def test_learning_leaves_the_memory_before_as_it_was(name):
+    chosen = settings(name)
+    before = Memory.begin(chosen)
+    kept = {path: leaf.copy() for path, leaf in tree.leaves(before).items()}
+    learn(chosen, EPOCH, memory=before.method)
+    for path, leaf in tree.leaves(before).items():
+        np.testing.assert_array_equal(leaf, kept[path], err_msg=path)
 
 
 # --- what evenness adds ---
@@ -94,16 +73,15 @@ def test_only_who_looks_back_learns_from_what_is_remembered(kind):
 BY_HAND = [
     # Eq. 4: 4 - 7/6 for both groups that can be said, of at most 4
     (settings("score"), np.full(5, 17 / 24)),
-    (settings("score", evenness_weight=2.0), np.full(5, 17 / 12)),
+    (settings("score", strength=2.0), np.full(5, 17 / 12)),
     (settings("score", tau=(1.0, 1.0, 1.0, 2.0)), np.full(5, (5 - 3 / 2) / 5)),
     (settings("penalty"), np.full(5, 17 / 24)),
     (settings("levelup"), LEVELUP),
     (settings("levelup", strength=2.0), 2 * LEVELUP),
     (settings("levelup", tau=(0.0, 1.0, 1.0, 2.0)), np.array([-7 / 6, -1 / 2, 0, 0, 0])),
-    (settings("levelup", evenness_weight=9.0), LEVELUP),  # a weight of Eq. 4 and 5 only
     (settings("influence"), PAID),
     (settings("influence", strength=0.5), PAID / 2),
-    (settings("none"), np.zeros(5)),
+    (settings("service"), np.zeros(5)),
     (settings("surgery"), np.zeros(5)),
 ]
 
@@ -129,9 +107,7 @@ def test_gaps_are_of_the_last_epochs_together():
 
 
 def test_epochs_that_left_the_memory_no_longer_count():
-    chosen = settings("levelup")
-    weigh = replace(chosen.guidance.weigh, windows=1)
-    short = replace(chosen, guidance=replace(chosen.guidance, weigh=weigh))
+    short = settings("levelup", windows=1)
     np.testing.assert_allclose(evenness(short, CALM, EPOCH), LEVELUP, atol=1e-12)
     np.testing.assert_allclose(evenness(short, EPOCH, CALM), np.zeros(5), atol=1e-12)
 
@@ -149,8 +125,8 @@ def pooled_by_hand() -> Counts:
 
 
 REWARDS: dict[Any, Callable[..., np.ndarray]] = {
-    "influence": levelup.influence_reward,
-    "levelup": levelup.levelup_reward,
+    "influence": influence_reward,
+    "levelup": levelup_reward,
 }
 
 
@@ -182,12 +158,10 @@ def test_when_biased_it_counts_in_biased_epochs_only(kind, paid):
 
 @pytest.mark.parametrize(("kind", "paid"), [("influence", PAID), ("levelup", LEVELUP)])
 def test_the_guard_takes_its_share(kind, paid):
-    """Its strength, times the two of five services that were perfect."""
-    for guarded, share in ((True, 0.25 * 2 / 5), (False, 1.0)):
+    """Its strength, times the three of five services without an issue."""
+    for guarded, share in ((True, 0.25 * 3 / 5), (False, 1.0)):
         chosen = settings(kind, guarded=guarded, strength=2.0)
-        past = past_of(chosen, EPOCH)
-        past = replace(past, guard=replace(past.guard, strength=0.25))
-        found = advantages.evenness(chosen, EPOCH, past)
+        found = evenness(chosen, EPOCH, guard=0.25)
         np.testing.assert_allclose(found, share * 2.0 * paid, atol=1e-12)
 
 
@@ -195,14 +169,14 @@ def test_the_guard_takes_its_share(kind, paid):
 
 
 EARNED = [
-    (settings("none"), QUALITY),
+    (settings("service"), QUALITY),
     (settings("levelup"), QUALITY + LEVELUP),
     (settings("influence"), QUALITY + PAID),
     (settings("score"), QUALITY + 17 / 24),
     (settings("surgery"), QUALITY),
     # a child brings 0.3 of the terms of a response, and 300 steps cost 0.25
     (
-        settings("none", scenario="tips"),
+        settings("service", scenario="tips"),
         np.array([-0.5 - 0.25, 0.24 - 0.125, 0.3 - 0.125, 1.0 - 0.0625, 0.925 - 0.1875]),
     ),
     (
@@ -221,10 +195,11 @@ def test_what_is_earned_reaches_all_decisions(chosen, earned):
     assert (np.asarray(taught.advantage)[MASK == 0] == 0.0).all()
 
 
-@pytest.mark.parametrize("kind", ["none", "score", "penalty", "influence", "levelup"])
+@pytest.mark.parametrize("kind", ["service", "score", "penalty", "influence", "levelup"])
 def test_what_evenness_added_is_told(kind):
     taught, _, _ = learn(settings(kind), EPOCH)
-    np.testing.assert_allclose(taught.even, evenness(settings(kind), EPOCH))
+    expected = {"service": 0.0, "influence": PAID, "levelup": LEVELUP}.get(kind, 17 / 24)
+    np.testing.assert_allclose(taught.evenness, expected * np.ones(5), atol=1e-12)
     assert taught.fair is None
 
 
@@ -233,7 +208,7 @@ class TestSurgery:
         taught, _, _ = learn(settings("surgery", strength=0.7), EPOCH)
         expected = np.where(MASK > 0, (-0.7 * 5 * EXACT)[:, None], 0.0)
         np.testing.assert_allclose(np.asarray(taught.fair), expected, atol=1e-12)
-        assert (taught.even == 0.0).all()
+        assert (taught.evenness == 0.0).all()
 
     def test_when_biased(self):
         chosen = settings("surgery", when="biased")
@@ -243,36 +218,31 @@ class TestSurgery:
         np.testing.assert_allclose(fair[:, 0], -5 * EXACT, atol=1e-12)
 
     def test_the_guard_takes_its_share(self):
-        chosen = settings("surgery", guarded=True)
-        past = past_of(chosen, EPOCH)
-        past = replace(past, guard=replace(past.guard, strength=0.25))
-        policy = train.untrained(chosen).policy
-        following = layout.draw(people.population("uniform"), 1, np.random.default_rng(0))
-        value = state_values(policy, EPOCH.done.observation)
-        taught, _ = advantages.learn_from(chosen, policy, value, EPOCH, past, following)
-        assert taught.fair is not None
-        np.testing.assert_allclose(taught.fair[:, 0], -5 / 4 * 2 / 5 * EXACT, atol=1e-12)
+        fair = learn(settings("surgery", guarded=True), EPOCH, guard=0.25)[0].fair
+        assert fair is not None
+        np.testing.assert_allclose(fair[:, 0], -5 / 4 * 3 / 5 * EXACT, atol=1e-12)
 
 
-# --- rivals ---
+# --- published methods ---
+
+PUBLISHED = ("lagrangian", "a_ppo", "r_ppo", "elbert", "group_dro", "ggf")
 
 
-def without(name: str, strength: float | None = None) -> TrainSettings:
-    return settings("none", rival=name, rival_strength=strength)
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_published_method_leaves_the_critic_to_service(name):
+    taught, _, _ = learn(settings(name), EPOCH)
+    assert_at_decisions(taught.target, QUALITY)
+    assert (taught.evenness == 0.0).all()
+    assert taught.fair is None
+    assert (np.asarray(taught.advantage)[MASK == 0] == 0.0).all()
 
 
-def outcome(value: np.ndarray, cost: np.ndarray, score: float) -> EpochOutcome:
-    """The epoch by hand; identities are numbered as ``people`` orders them."""
-    return EpochOutcome(
-        reward=QUALITY,
-        x=X,
-        inside=people.encode(CODES).astype(float),
-        identity=np.repeat(np.arange(5), [6, 3, 5, 2, 6]),
-        advantage=np.where(MASK > 0, QUALITY[:, None] - value, 0.0),
-        mask=MASK,
-        score=score,
-        cost=cost,
-    )
+@pytest.mark.parametrize("name", sorted({*PUBLISHED} - {"lagrangian"}))
+def test_a_published_method_does_something(name):
+    """λ of the Lagrangian begins at 0."""
+    taught, _, value = learn(settings(name), EPOCH)
+    plain = np.where(MASK > 0, QUALITY[:, None] - value, 0.0)
+    assert np.abs(np.asarray(taught.advantage) - plain).max() > 0.001
 
 
 # By chance the one of 3 and 2 is a child with 3/5: a mean gap of 3/5 · 1/3 + 2/5 · 1/2 = 2/5; the
@@ -280,35 +250,13 @@ def outcome(value: np.ndarray, cost: np.ndarray, score: float) -> EpochOutcome:
 SCORE = 2 * (1 / 3 - 2 / 5)
 
 
-@pytest.mark.parametrize("name", list(methods.RIVALS))
-def test_a_rival_shapes_the_epoch(name):
-    chosen = without(name)
-    taught, after, value = learn(chosen, EPOCH)
-    rival = methods.rival(name)
-    expected, state = rival.shape(outcome(value, 5 * EXACT, SCORE), rival.begin(22, 4))
-    found = np.asarray(taught.advantage)
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
-    assert_at_decisions(taught.target, QUALITY)  # its critic goes on learning service quality
-    assert (taught.even == 0.0).all()
-    assert taught.fair is None
-    for key, values in to_arrays(state).items():
-        np.testing.assert_allclose(to_arrays(after.rival)[key], values, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", sorted(set(methods.RIVALS) - {"lagrangian"}))
-def test_a_rival_does_something(name):
-    """λ of the Lagrangian begins at 0."""
-    taught, _, value = learn(without(name), EPOCH)
-    plain = np.where(MASK > 0, QUALITY[:, None] - value, 0.0)
-    assert np.abs(np.asarray(taught.advantage) - plain).max() > 0.01
-
-
-def test_the_strength_reaches_the_rival_and_it_remembers():
+def test_the_lagrangian_constrains_the_score_without_chance_and_remembers():
     """Limit 0.1, λ was 1: it falls by 0.1 (2/15 + 0.1) and mixes the centred cost in."""
-    state = methods.LagrangianState(np.asarray(1.0))
-    taught, after, value = learn(without("lagrangian", 0.1), EPOCH, rival=state)
-    lam = 1.0 - 0.1 * (2 / 15 + 0.1)
-    assert float(after.rival.lam) == pytest.approx(lam)
+    chosen = replace(settings(), method=registry.create("lagrangian@0.1"))
+    memory = replace(Memory.begin(chosen).method, lam=1.0)
+    taught, after, value = learn(chosen, EPOCH, memory=memory)
+    lam = 1.0 - 0.1 * (0.1 - SCORE)
+    assert after.method.lam == pytest.approx(lam)
     # 6, 2 and 3 of 16 decisions
     mean = 5 * (6 * 4 / 9 + 2 * 1 / 36 - 3 * 17 / 36) / 16
     expected = (QUALITY[:, None] - value - lam * (5 * EXACT - mean)[:, None]) / (1.0 + lam)
@@ -317,9 +265,100 @@ def test_the_strength_reaches_the_rival_and_it_remembers():
     np.testing.assert_allclose(found[valid], expected[valid], rtol=1e-4, atol=1e-5)
 
 
-def test_tips_are_what_a_rival_shares_out():
+def test_tips_are_what_a_published_method_shares_out():
     """Group DRO remembers the mean reward of each group."""
-    chosen = settings("none", rival="group_dro", scenario="tips")
-    _, after, _ = learn(chosen, EPOCH)
-    assert after.rival.mean[CHILD] == pytest.approx((-0.75 + 0.115 + 0.175) / 3)
-    assert after.rival.mean[ADULT] == pytest.approx((0.9375 + 0.7375) / 2)
+    _, after, _ = learn(settings("group_dro", scenario="tips"), EPOCH)
+    assert after.method.mean[CHILD] == pytest.approx((-0.75 + 0.115 + 0.175) / 3)
+    assert after.method.mean[ADULT] == pytest.approx((0.9375 + 0.7375) / 2)
+
+
+# --- methods of users ---
+
+
+def own(give):
+    class Mine:
+        def begin(self, scheme):
+            return {"epochs": 0}
+
+        def teach(self, epoch, memory):
+            return give(epoch), {"epochs": memory["epochs"] + 1}
+
+    return Mine
+
+
+def test_rewards_of_a_user_become_advantages(registered):
+    kind = registered("mine")(own(lambda epoch: epoch.reward - (epoch.x == 1).sum(axis=1)))
+    taught, memory, value = learn(replace(settings(), method=kind()), EPOCH, EPOCH)
+    earned = QUALITY - [2, 1, 0, 0, 0]
+    assert_at_decisions(taught.target, earned)
+    assert_at_decisions(np.asarray(taught.advantage) + value, earned)
+    np.testing.assert_allclose(taught.evenness, [-2, -1, 0, 0, 0], atol=1e-12)
+    assert memory.method == {"epochs": 2}
+
+
+def test_advantages_of_a_user_are_used_as_they_are(registered):
+    kind = registered("mine")(own(lambda epoch: 2.0 * epoch.advantage + 1.0))
+    taught, _, value = learn(replace(settings(), method=kind()), EPOCH)
+    expected = np.where(MASK > 0, 2.0 * (QUALITY[:, None] - value) + 1.0, 0.0)
+    np.testing.assert_allclose(taught.advantage, expected, rtol=1e-5, atol=1e-5)
+    assert_at_decisions(taught.target, QUALITY)
+
+
+def spoilt(shape, place):
+    values = np.zeros(shape)
+    values[place] = np.nan
+    return values
+
+
+WRONG = [
+    (
+        lambda e: np.zeros(4),
+        r"it gave an array of shape \(4,\): give rew.*\(5,\), or .*\(5, 6\)",
+    ),
+    (lambda e: np.zeros((5, 5)), r"it gave an array of shape \(5, 5\)"),
+    (lambda e: "much", "it gave str: give an array of numbers"),
+    (lambda e: spoilt(5, 3), "service 3: rewards is nan"),
+    (lambda e: spoilt((5, 6), (1, 1)), "service 1: advantages is nan"),
+    (lambda e: Guidance(fair=spoilt((5, 6), (2, 0))), "service 2: fair is nan"),
+    (lambda e: Guidance(evenness=np.zeros((5, 6))), r"evenness has shape \(5, 6\): give \(5,\)"),
+]
+
+
+@pytest.mark.parametrize(("give", "said"), WRONG)
+def test_what_a_method_may_not_give(registered, give, said):
+    kind = registered("mine")(own(give))
+    with pytest.raises(InputError, match=f"method 'mine', epoch 0[:,] {said}"):
+        learn(replace(settings(), method=kind()), EPOCH)
+
+
+def test_where_no_decision_happened_anything_may_stand(registered):
+    kind = registered("mine")(own(lambda epoch: spoilt((5, 6), (3, 5))))
+    assert (learn(replace(settings(), method=kind()), EPOCH)[0].advantage == 0.0).all()
+
+
+def test_teach_gives_two_things_and_keeps_the_shape_of_its_memory(registered):
+    class Mine:
+        def begin(self, scheme):
+            return np.zeros(len(scheme.issues))
+
+        def teach(self, epoch, memory):
+            return (epoch.reward, memory[:2]) if epoch.biased else epoch.reward
+
+    chosen = replace(settings(), method=registered("mine")(Mine)())
+    with pytest.raises(InputError, match="teach gave ndarray: give rewards or advantages, and"):
+        learn(chosen, EPOCH)
+    with pytest.raises(InputError, match=r"the memory was of shape \(4,\) and is of \(2,\)"):
+        learn(chosen, BIASED)
+
+
+def test_a_memory_that_no_checkpoint_can_hold_is_refused_at_once(registered):
+    class Mine:
+        def begin(self, scheme):
+            return {"rng": np.random.default_rng()}
+
+        def teach(self, epoch, memory):
+            return epoch.reward, memory
+
+    chosen = replace(settings(), method=registered("mine")(Mine)())
+    with pytest.raises(InputError, match=r"memory of method 'mine'.rng is of type Generator"):
+        Memory.begin(chosen)

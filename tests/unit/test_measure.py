@@ -21,7 +21,7 @@ def services(
     codes[:, 3] = np.where(disabled, 0, 1)
     responded = np.broadcast_to(responded, n)
     return Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(people.IDENTITIES)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": responded,
             "response_step": np.ma.array(np.broadcast_to(step, n), mask=~responded),

@@ -121,7 +121,7 @@ def test_environments_step_without_a_clock(while_running):
 
 
 def test_training_serves_without_a_clock(while_running):
-    settings = settings_of("service", "ppo", "none", epochs=1)
+    settings = settings_of("service", "ppo", "service", epochs=1)
     heard = while_running(driving, "serve")
     list(train.train(settings, detector_file.load(detector_file.SHIPPED), threads=2))
     assert heard == [False] * settings.people

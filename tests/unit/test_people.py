@@ -30,14 +30,14 @@ def made(**changed) -> Population:
 
 class TestCategories:
     def test_the_papers_categories_in_order(self):
-        assert [(identity.name, len(identity.categories)) for identity in IDENTITIES] == [
+        assert [(identity.name, len(identity.groups)) for identity in IDENTITIES] == [
             ("race", 6),
             ("gender", 3),
             ("age", 5),
             ("disability", 2),
             ("skin", 6),
         ]
-        assert IDENTITIES[0].categories == (
+        assert IDENTITIES[0].groups == (
             "White",
             "Black",
             "American Indian",
@@ -45,7 +45,7 @@ class TestCategories:
             "Native Hawaiian",
             "Other",
         )
-        assert IDENTITIES[2].categories == ("Child", "Teenager", "Adult", "Middle Aged", "Elder")
+        assert IDENTITIES[2].groups == ("Child", "Teenager", "Adult", "Middle Aged", "Elder")
 
     def test_groups_are_numbered_through_all_identities(self):
         assert len(people.GROUPS) == 22

@@ -1,7 +1,5 @@
 """Self-reflection: by hand, by numerical differentiation, planted bias, and even random walks."""
 
-import json
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +7,8 @@ import pytest
 from scipy import stats
 
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond import levelup
-from evenhand.methods.beyond.levelup import CreditSettings
+from evenhand.methods.beyond import influence as credit
+from evenhand.methods.beyond.influence import CreditSettings
 from evenhand.methods.beyond.reflection import (
     Past,
     Reflection,
@@ -67,7 +65,7 @@ class TestByHand:
     X = np.array([[1.0], [0.0], [0.0], [0.0]])
 
     def reflection(self, weights, biases, cosines=()) -> Reflection:
-        found = levelup.influence(self.X, self.INSIDE, (2.0,), settings=RAW)
+        found = credit.influence(self.X, self.INSIDE, (2.0,), settings=RAW)
         after = moved(self.POLICY, linear(weights, biases))
         groups = (("one", "A"), ("one", "B"))
         past = Past(np.reshape(cosines, (-1, 1, 1)) * np.ones((2, 2)), len(cosines))
@@ -129,7 +127,7 @@ def epoch(rng: np.random.Generator, rates=(0.4, 0.4)):
         action=rng.integers(0, 2, (N, L)).astype(np.int32),
         mask=mask.astype(np.float32),
     )
-    return services, levelup.influence(x, inside, (1.0, 1.0), settings=RAW)
+    return services, credit.influence(x, inside, (1.0, 1.0), settings=RAW)
 
 
 POLICY = make_policy(6, PolicySettings(hidden=(4,)), np.random.default_rng(0))
@@ -348,13 +346,6 @@ class TestPast:
         assert np.isnan(found[0].z).all()
         assert past.filled == 6
 
-    def test_through_json(self):
-        _, past, _ = walked(np.random.default_rng(11), 2)
-        text = json.dumps(past.plain(), allow_nan=False)
-        back = Past.of(json.loads(text))
-        np.testing.assert_array_equal(back.cosines, past.cosines)
-        assert back.filled == 2
-
 
 def test_numbers_name_every_issue_and_identity():
     found, _, _ = walked(np.random.default_rng(12), 3)
@@ -390,6 +381,6 @@ def test_as_many_as_the_rate_asks_for_are_enough():
 
 def test_influence_of_other_services():
     services, _ = epoch(np.random.default_rng(0))
-    found = levelup.influence(np.ones((3, 2)), np.ones((3, 5)), (1.0, 1.0), settings=RAW)
+    found = credit.influence(np.ones((3, 2)), np.ones((3, 5)), (1.0, 1.0), settings=RAW)
     with pytest.raises(ValueError, match="influence of 3 services"):
         run(POLICY, POLICY, services, found, Past.empty(2, 2, SETTINGS))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from evenhand.training.rivals.base import EpochOutcome
 from scipy.special import logsumexp
 
 from evenhand.methods.paper.scores import Counts, count
 from evenhand.training.rivals import formulas, methods
-from evenhand.training.rivals.base import EpochOutcome
 from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, two_groups
 
 

@@ -19,7 +19,7 @@ from evenhand.restaurant.simulation import layout, serve, task
 from evenhand.restaurant.simulation.lanes import Lanes
 
 EVERYONE = np.stack(
-    np.meshgrid(*[np.arange(len(i.categories)) for i in people.IDENTITIES], indexing="ij"), axis=-1
+    np.meshgrid(*[np.arange(len(i.groups)) for i in people.IDENTITIES], indexing="ij"), axis=-1
 ).reshape(-1, 5)
 
 

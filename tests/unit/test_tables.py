@@ -78,7 +78,7 @@ def made_demos() -> Demos:
     codes = np.zeros((120, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
     table = Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(IDENTITIES)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(IDENTITIES)},
         {
             "responded": responded,
             "response_step": np.ma.array(np.where(full & disabled, 220, 100), mask=~responded),

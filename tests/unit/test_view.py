@@ -6,7 +6,7 @@ import pytest
 from evenhand.training.observation import view
 from evenhand.training.settings import TrainSettings
 
-SEEN, UNAWARE = TrainSettings(), TrainSettings(unaware=True)
+SEEN, UNAWARE = TrainSettings(), TrainSettings("service", method="unaware")
 
 
 def observation(*lead: int) -> np.ndarray:

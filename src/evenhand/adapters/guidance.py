@@ -1,32 +1,36 @@
-"""Guidance while services go on: what evenness adds to the reward of one that has just ended.
+"""Guidance while services go on: what a method adds to the reward of one that has just ended.
 
-In training, an epoch is scored when it is over, and its own services are paid by that (Eq. 4). A
-wrapper has to pay at once, before the window is over. So the gaps of the windows before steer:
-Eq. 4 and 5 pay by the last window, influence and level-up by the last ``windows`` pooled. What is
-paid for an issue is known at once, since the issue is; only the gaps are as old as a window.
+In training, an epoch is scored when it is over, and its own services are paid by that. A wrapper
+has to pay at once, before the window is over. A method that can (``pay``) is asked with the windows
+before, whose gaps steer: what is paid for an issue is known at once, since the issue is; only the
+gaps are as old as a window. Every other method is taught the last services, this one included, each
+as one decision whose advantage is its return; what it makes of the advantage of this one is added.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from evenhand.core import tree
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods import guidance
-from evenhand.methods.beyond import guard, levelup
-from evenhand.methods.beyond.levelup import CreditSettings, Memory
-from evenhand.methods.guidance import GuidanceSettings
+from evenhand.methods import guidance, registry
+from evenhand.methods.guard import GUARD, Guard, Held, Watch
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
+from evenhand.methods.paper.epoch import Epoch, judge_of
+from evenhand.methods.paper.rewards import check_tau
+from evenhand.methods.paper.scores import Counts, Scores
 from evenhand.methods.scheme import Scheme
+from evenhand.statistics import chance
 
-_GUARD = guard.GuardSettings()
-
-
-def _none() -> GuidanceSettings:
-    return GuidanceSettings("none")
+_REFUSED = {
+    registry.DIRECTION: "works on the gradients of a learner, which no wrapper sees",
+    registry.BLINDNESS: "hides people from the policy, and no wrapper knows where an environment "
+    "shows them",
+}
 
 
 @dataclass(frozen=True)
@@ -35,26 +39,22 @@ class JudgeSettings:
 
     Attributes:
         services: in a window.
-        guidance: what evenness adds to rewards; nothing by default.
-        tau: weight of each issue by its name. By default those of ``guidance`` where there are
-            four issues, and 1 each where there is another number.
-        evenness_weight: greatest reward of Eq. 4; the other kinds have a strength of their own.
+        method: what evenness adds to rewards: NAME, NAME@STRENGTH or an object, see
+            ``methods.registry``; nothing by default.
+        tau: weight of each issue by its name; 1 each by default.
     """
 
     services: int = 30
-    guidance: GuidanceSettings = field(default_factory=_none)
+    method: Any = "service"
     tau: Mapping[str, float] | None = None
-    evenness_weight: float = 1.0
 
     def __post_init__(self) -> None:
         whole("services", self.services, 2, 1_000_000)
-        if self.guidance.kind == "surgery":
-            raise InputError(
-                "guidance 'surgery' works on the gradients of a learner, which no wrapper sees: "
-                "choose one of none, score, penalty, influence, levelup"
-            )
-        if not 0.0 <= self.evenness_weight < np.inf:
-            raise InputError(f"evenness_weight is {self.evenness_weight}: give 0 or more")
+        object.__setattr__(self, "method", registry.as_method(self.method))
+        for need, why in _REFUSED.items():
+            if need in registry.needs_of(self.method):
+                name = registry.name_of(self.method)
+                raise InputError(f"method {name!r} {why}: choose another, such as levelup")
 
     def weights(self, scheme: Scheme) -> np.ndarray:
         """Weight of each issue of a scheme, [K].
@@ -63,20 +63,14 @@ class JudgeSettings:
             InputError: for weights that do not fit its issues.
         """
         names = scheme.issue_names
-        if self.tau is not None:
-            for name in (*self.tau, *names):
-                if name not in names:
-                    raise unknown("issue in tau", name, names)
-                if name not in self.tau:
-                    raise InputError(f"tau has no weight for issue {name!r}: give one for each")
-            return guidance.check_tau([self.tau[name] for name in names], len(names))
-        if len(names) == len(self.guidance.tau):
-            return guidance.check_tau(self.guidance.tau, len(names))
-        if self.guidance.tau != guidance.TAU["equal"]:
-            raise InputError(
-                f"guidance.tau weighs four issues, and there are {len(names)}: give tau by name"
-            )
-        return np.ones(len(names))
+        if self.tau is None:
+            return np.ones(len(names))
+        for name in (*self.tau, *names):
+            if name not in names:
+                raise unknown("issue in tau", name, names)
+            if name not in self.tau:
+                raise InputError(f"tau has no weight for issue {name!r}: give one for each")
+        return check_tau([self.tau[name] for name in names], len(names))
 
 
 def asked_about(detector: Detector, scheme: Scheme) -> tuple[str, ...]:
@@ -117,20 +111,18 @@ class Past:
     """What the windows before leave behind.
 
     Attributes:
-        memory: counts of the last windows.
+        memory: of the method.
         guard: whether service became worse for a group; its last group is everybody.
-        scores: of the last window; None before any.
-        biased: what the detector says of it.
+        windows: that are over.
     """
 
-    memory: Memory
-    guard: guard.Guard
-    scores: Scores | None = None
-    biased: bool = False
+    memory: Any
+    guard: Guard
+    windows: int = 0
 
 
 class Guide:
-    """Pays services by what is known when they end."""
+    """A method beside a learner that is not ours."""
 
     def __init__(self, scheme: Scheme, settings: JudgeSettings, detector: Detector | None) -> None:
         """Begin with no past.
@@ -138,94 +130,141 @@ class Guide:
         Args:
             scheme: what is compared.
             settings: what evenness is worth.
-            detector: judges windows; a must where the guidance asks for its verdict.
+            detector: judges windows; a must where the method asks for its verdict.
 
         Raises:
             InputError: for weights or a detector that do not fit.
         """
-        chosen = settings.guidance
-        service = chosen.kind in guidance.SERVICE_KINDS
-        if detector is None and (chosen.kind == "penalty" or (service and chosen.when == "biased")):
-            wants = "penalty" if chosen.kind == "penalty" else "when='biased'"
-            raise InputError(f"guidance with {wants} asks for a verdict: give a detector")
-        self._known = asked_about(detector, scheme) if detector is not None else ()
-        self._scheme, self._settings, self._detector = scheme, settings, detector
+        self.method = settings.method
+        if detector is None and registry.VERDICT in registry.needs_of(self.method):
+            name = registry.name_of(self.method)
+            raise InputError(f"method {name!r} asks for a verdict: give a detector")
+        known = asked_about(detector, scheme) if detector is not None else ()
+        self._judge = judge_of(detector, known) if detector is not None else None
+        self._scheme, self._size = scheme, settings.services
         self._tau = settings.weights(scheme)
-        groups, issues = len(scheme.groups), len(scheme.issues)
-        self.past = Past(
-            Memory.empty(chosen.weigh.windows, groups, issues),
-            guard.Guard.new(groups + 1, 1, _GUARD),
-        )
+        groups = len(scheme.groups)
+        self.past = Past(guidance.begin(self.method, scheme), Guard.new(groups + 1, 1, GUARD))
+        self._window: Epoch | None = None
 
-    def pays(self, x: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """What evenness adds to the reward of services that have just ended, [m].
+    @property
+    def looks_ahead(self) -> bool:
+        """Whether the method itself pays before a window is over."""
+        return hasattr(self.method, "pay")
+
+    def epoch(
+        self,
+        x: np.ndarray,
+        inside: np.ndarray,
+        reward: np.ndarray,
+        mask: np.ndarray | None = None,
+        advantage: np.ndarray | None = None,
+    ) -> tuple[Epoch, Watch]:
+        """Services as an epoch, and what becomes of the guard.
 
         Args:
-            x: indicators, [m, K].
-            inside: membership, [m, G].
+            x: indicators, [n, K].
+            inside: membership, [n, G].
+            reward: what each earned, [n].
+            mask: 1 for decisions that happened, [n, L]; by default each service is one decision.
+            advantage: of the decisions, [n, L]; by default the return of the service.
         """
-        chosen, past = self._settings.guidance, self.past
-        if past.scores is None or chosen.kind == "none":
-            return np.zeros(len(x))
-        if chosen.kind in ("score", "penalty"):
-            paid = guidance.person_rewards(past.scores, inside, past.biased, chosen, self._tau)
-            return self._settings.evenness_weight * paid / self._tau.sum()
-        if chosen.when == "biased" and not past.biased:
-            return np.zeros(len(x))
-        share = guard.weight(past.guard) if chosen.guarded else 1.0
-        weigh = replace(chosen.weigh, strength=chosen.weigh.strength * share)
-        return reward_ahead(
-            chosen.kind, x, inside, self._tau, past.memory, self._settings.services, weigh
-        )
+        watch = Watch(self.past.guard, x, inside)
 
-    def close(self, x: np.ndarray, inside: np.ndarray) -> None:
+        def advantages_of(rewards: np.ndarray) -> np.ndarray:
+            if advantage is None:
+                return np.asarray(rewards, float)[:, None]
+            return advantage + np.where(mask, (rewards - reward)[:, None], 0.0)
+
+        found = Epoch(
+            x=x,
+            inside=inside,
+            reward=np.asarray(reward, float),
+            mask=np.ones((len(x), 1)) if mask is None else mask,
+            groups=self._scheme.groups,
+            issues=self._scheme.issue_names,
+            tau=self._tau,
+            advantages_of=advantages_of,
+            excess_of=self._excess,
+            judge=self._judge,
+            guard=watch,
+            number=self.past.windows,
+        )
+        return found, watch
+
+    def pays(self, x: np.ndarray, inside: np.ndarray, reward: np.ndarray, last: int) -> np.ndarray:
+        """What evenness adds to the reward of services that have just ended, [last].
+
+        Args:
+            x: indicators of these, and of at most a window's services before them, [n, K].
+            inside: membership, [n, G].
+            reward: what each earned, [n].
+            last: how many have just ended.
+        """
+        if self._window is None:
+            return np.zeros(last)
+        if not self.looks_ahead:
+            given, _ = guidance.teach(
+                self.method, self.epoch(x, inside, reward)[0], self.past.memory
+            )
+            return self._added(given, np.asarray(reward, float))[-last:]
+        ended, _ = self.epoch(x[-last:], inside[-last:], reward[-last:])
+        held = replace(ended, guard=Held(self.past.guard))
+        return self.method.pay(held, self._window, self.past.memory)
+
+    def close(self, x: np.ndarray, inside: np.ndarray, reward: np.ndarray) -> None:
         """Remember a window that is over.
 
         Args:
             x: indicators of its services, [n, K].
             inside: membership, [n, G].
+            reward: what each earned, [n].
         """
-        counts = count(x, inside)
-        scores = scores_of(counts, self._scheme.groups, self._scheme.issue_names)
-        biased = False
-        if self._detector is not None:
-            probability = judged(self._detector, scores, self._known)
-            biased = bool((probability > self._detector.threshold).any())
-        imperfect = (x == 1.0).any(axis=1, keepdims=True).astype(float)
-        everybody = np.concatenate([inside, np.ones((len(x), 1))], axis=1)
-        watched, _ = guard.watch(self.past.guard, count(imperfect, everybody), _GUARD)
-        memory = levelup.remember(self.past.memory, counts)
-        self.past = Past(memory, watched, scores, biased)
+        self.teach(*self.epoch(x, inside, reward))
 
+    def teach(self, epoch: Epoch, watch: Watch) -> guidance.Guidance:
+        """Teach an epoch that is over, and remember it.
 
-def reward_ahead(
-    kind: str,
-    x: np.ndarray,
-    inside: np.ndarray,
-    tau: np.ndarray,
-    past: Memory,
-    services: int,
-    settings: CreditSettings,
-) -> np.ndarray:
-    """Influence or level-up of services whose window is not over yet, [m].
+        Raises:
+            InputError: as `methods.guidance.teach`, or for a second direction.
+        """
+        given, memory = guidance.teach(self.method, epoch, self.past.memory)
+        if given.fair is not None:
+            name = registry.name_of(self.method)
+            raise InputError(f"method {name!r} {_REFUSED[registry.DIRECTION]}: choose another")
+        self.past = Past(memory, watch.after, self.past.windows + 1)
+        self._window = epoch
+        return given
 
-    As ``credit.influence_reward`` and ``credit.levelup_reward``, with gaps and rates of the
-    windows before. How many services of each side the current window will have is not known, so
-    their mean over these windows stands in. A service does not move the gaps that it is paid by.
+    def restore(
+        self, saved: Mapping[str, np.ndarray], window: tuple[np.ndarray, ...] | None
+    ) -> None:
+        """Go on where another guide stood.
 
-    Args:
-        kind: influence or levelup.
-        x: indicators, [m, K].
-        inside: membership, [m, G].
-        tau: weight of each issue, [K].
-        past: counts of the windows before; without any, nothing is paid.
-        services: of a window.
-        settings: strength, shrinking, objective.
-    """
-    if not past.filled:
-        return np.zeros(len(x))
-    counts = levelup.pooled(past)
-    if kind == "levelup":
-        return levelup.levelup_pays(x, inside, tau, counts, settings)
-    mean = Counts(*np.moveaxis(past.windows.sum(axis=0) / past.filled, -1, 0))
-    return levelup.influence_pays(x, inside, tau, counts, mean, services, settings)
+        Args:
+            saved: leaves of its ``past``.
+            window: x, inside and reward of the last window that was over; None before any.
+
+        Raises:
+            InputError: when it was of another method, or other settings.
+        """
+        want = tree.leaves(self.past, "past")
+        if want.keys() != saved.keys() or any(
+            want[name].shape != np.shape(value) for name, value in saved.items()
+        ):
+            raise InputError(
+                "what was saved is of another method or other settings: make the same ones"
+            )
+        past = tree.fill(self.past, saved, "past")
+        if window is not None:
+            self._window = self.epoch(*window)[0]
+        self.past = past
+
+    def _added(self, given: guidance.Guidance, reward: np.ndarray) -> np.ndarray:
+        if given.advantages is not None:
+            return given.advantages[:, 0] - reward
+        return given.added(reward)
+
+    def _excess(self, counts: Counts) -> float:
+        groups, names = self._scheme.groups, self._scheme.issue_names
+        return float(chance.excess_scores(counts, groups, names).total)

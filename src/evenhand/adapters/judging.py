@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ class Judging:
         raw: Sequence[tuple[Info, Info, int]],
         *,
         afterwards: bool = False,
+        later: bool = False,
     ) -> np.ndarray:
         """Ask for the facts of episodes that have ended, and write them into the ledger.
 
@@ -87,7 +88,21 @@ class Judging:
             people=None if self.queue is None else self.queue.serve(lane, rank),
             raw=raw,
         )
-        return self.ledger.add(ended, self._facts(ended), afterwards=afterwards)
+        return self.ledger.add(ended, self._facts(ended), afterwards=afterwards, later=later)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Services, what the method remembers, and who is served next, as arrays by name."""
+        return self.ledger.state() | ({} if self.queue is None else self.queue.state())
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on where another one stood.
+
+        Raises:
+            InputError: when it was of another scheme, method, settings or version.
+        """
+        if self.queue is not None:
+            self.queue.restore(state)
+        self.ledger.restore(state)
 
 
 class Judged:
@@ -108,6 +123,26 @@ class Judged:
         """All services that have ended, with verdicts, rows and what was paid."""
         self.write()
         return self._judging.ledger
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What a checkpoint of guided training needs, as arrays by name, for ``np.savez``.
+
+        Services that have ended, what the method remembers, and who is served next. Episodes that
+        are under way are not in it: take it between episodes, or pickle wrapper and environment.
+        """
+        self.write()
+        return self._judging.state()
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on where another wrapper of the same settings stood; then reset.
+
+        Args:
+            state: what its `state` gave; an opened ``.npz`` file will do.
+
+        Raises:
+            InputError: when it was of another scheme, method, settings or version.
+        """
+        self._judging.restore(state)
 
     @property
     def services(self) -> Interactions:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +11,17 @@ import numpy as np
 from evenhand.adapters.check_facts import checked
 from evenhand.adapters.episodes import Ended
 from evenhand.adapters.guidance import Guide, JudgeSettings, asked_about, judged
+from evenhand.core import tree
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
+from evenhand.methods.paper.service import Service
 from evenhand.methods.scheme import Scheme
 from evenhand.methods.services import Interactions
 from evenhand.statistics import chance, verdicts
 from evenhand.statistics.verdicts import Verdicts, VerdictSettings
+
+_ROWS = ("codes", "facts", "reward", "paid")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +100,11 @@ class Ledger:
         self.scheme, self.settings = scheme, settings or JudgeSettings()
         self.detector = detector
         self._known = asked_about(detector, scheme) if detector is not None else ()
-        self._guide = Guide(scheme, self.settings, detector)
-        self.guided = self.settings.guidance.kind != "none"
+        self.guide = Guide(scheme, self.settings, detector)
+        self.guided = not isinstance(self.settings.method, Service)
         self._codes = np.empty((64, len(scheme.identities)), np.int64)
         self._facts = np.empty((64, len(scheme.facts)))
+        self._reward = np.zeros(64)
         self._paid = np.zeros(64)
         self._length = 0
         self._found: Windows | None = None
@@ -106,7 +112,9 @@ class Ledger:
     def __len__(self) -> int:
         return self._length
 
-    def add(self, ended: Ended, told: Any, *, afterwards: bool = False) -> np.ndarray:
+    def add(
+        self, ended: Ended, told: Any, *, afterwards: bool = False, later: bool = False
+    ) -> np.ndarray:
         """Write services down.
 
         Args:
@@ -114,6 +122,7 @@ class Ledger:
             told: what the facts function gave for them.
             afterwards: pay when all of these have ended, so that those of a window that is over
                 are paid by that window itself; else each is paid by the windows before its own.
+            later: pay nothing; the caller teaches the method, and notes it by `pay`.
 
         Returns:
             What evenness adds to the reward of each, [m].
@@ -124,7 +133,7 @@ class Ledger:
         codes, facts = checked(self.scheme, ended, told)
         self._make_room(len(codes))
         paid = np.zeros(len(codes))
-        begin = 0
+        guided, begin = self.guided and not later, 0
         while begin < len(codes):
             # the window that is open takes what it lacks; the next one is paid by it
             left = self.settings.services - self._length % self.settings.services
@@ -132,17 +141,60 @@ class Ledger:
             n = len(codes[part])
             to = slice(self._length, self._length + n)
             self._codes[to], self._facts[to] = codes[part], facts[part]
+            self._reward[to] = ended.reward[part]
             full = slice(to.stop - self.settings.services, to.stop) if n == left else None
-            if self.guided and full and afterwards:
-                self._guide.close(*self._rows(full))
-            if self.guided:
-                paid[part] = self._guide.pays(*self._rows(to))
+            if guided and full and afterwards:
+                self.guide.close(*self._earned(full))
+            if guided:
+                first = to.start if self.guide.looks_ahead else to.stop - self.settings.services
+                seen = slice(max(0, min(first, to.start)), to.stop)
+                paid[part] = self.guide.pays(*self._earned(seen), n)
             self._paid[to] = paid[part]
             self._length += n
             begin += n
-            if self.guided and full and not afterwards:
-                self._guide.close(*self._rows(full))
+            if guided and full and not afterwards:
+                self.guide.close(*self._earned(full))
         return paid
+
+    def pay(self, paid: np.ndarray) -> None:
+        """Write down what evenness added to the rewards of the last services, [m]."""
+        self._paid[self._length - len(paid) : self._length] = paid
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that `restore` needs, as arrays by name: services, and what the method remembers."""
+        n = self._length
+        rows = {name: getattr(self, f"_{name}")[:n].copy() for name in _ROWS}
+        return rows | tree.leaves(self.guide.past, "past")
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on where another ledger of the same scheme and settings stood.
+
+        Args:
+            state: what its `state` gave.
+
+        Raises:
+            InputError: when it is of another version, scheme, method or other settings.
+        """
+        rows = {name: np.asarray(state[name]) for name in _ROWS if name in state}
+        if len(rows) < len(_ROWS) or any(
+            rows[name].shape[1:] != getattr(self, f"_{name}").shape[1:] for name in _ROWS
+        ):
+            raise InputError(
+                "what was saved is no state of a ledger of this scheme, or of another version of "
+                "Evenhand: make it anew"
+            )
+        n, size = len(rows["paid"]), self.settings.services
+        ledger = Ledger(self.scheme, self.settings, self.detector)
+        ledger._make_room(n)
+        for name, values in rows.items():
+            getattr(ledger, f"_{name}")[:n] = values
+        ledger._length = n
+        over = n // size * size
+        window = ledger._earned(slice(over - size, over)) if over else None
+        ledger.guide.restore(
+            {name: value for name, value in state.items() if name.startswith("past.")}, window
+        )
+        vars(self).update(vars(ledger))
 
     def services(self) -> Interactions:
         """All services; ``epoch`` is the number of the window, also of one that is not over."""
@@ -203,6 +255,9 @@ class Ledger:
         x = self.scheme.indicators(Columns(self.scheme, self._facts[part]))
         return x, self.scheme.inside(self._codes[part])
 
+    def _earned(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return *self._rows(part), self._reward[part]
+
     def _judge(self, x: np.ndarray, inside: np.ndarray, paid: np.ndarray) -> Windows:
         counts, names = count(x, inside), self.scheme.issue_names
         scores = scores_of(counts, self.scheme.groups, names)
@@ -219,8 +274,8 @@ class Ledger:
         while size < self._length + more:
             size *= 2
         if size > len(self._paid):
-            for name in ("_codes", "_facts", "_paid"):
-                old = getattr(self, name)
+            for name in _ROWS:
+                old = getattr(self, f"_{name}")
                 new = np.zeros((size, *old.shape[1:]), old.dtype)
                 new[: self._length] = old[: self._length]
-                setattr(self, name, new)
+                setattr(self, f"_{name}", new)

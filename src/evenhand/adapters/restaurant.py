@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 
 from evenhand.adapters.episodes import Ended
-from evenhand.methods.scheme import Identity, paper_scheme
-from evenhand.restaurant import people
+from evenhand.restaurant.scheme import SCHEME
 
-SCHEME = paper_scheme([Identity(one.name, one.categories) for one in people.IDENTITIES])
-"""Five identities, the paper's four issues and the facts that tell them."""
+__all__ = ["SCHEME", "facts_of"]
 
 
 def facts_of(ended: Ended) -> dict[str, Any]:

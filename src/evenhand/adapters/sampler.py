@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -65,6 +66,31 @@ class Queue:
             for half in (slice(0, BLOCK), slice(BLOCK, None)):
                 self._codes[lane, half] = self._draw(lane)
         self._place = np.zeros(lanes, np.int64)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All that `restore` needs, as arrays by name."""
+        states = [json.dumps(rng.bit_generator.state, default=list) for rng in self._rngs]
+        return {
+            "queue.codes": self._codes.copy(),
+            "queue.place": self._place.copy(),
+            "queue.rngs": np.array(states),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on where another queue of as many lanes stood.
+
+        Raises:
+            InputError: when it had other lanes or identities.
+        """
+        codes = np.asarray(state.get("queue.codes", np.zeros(0)))
+        if codes.shape != self._codes.shape:
+            raise InputError(
+                f"what was saved of people has shape {codes.shape}, and here it is "
+                f"{self._codes.shape}: keep the number of environments and the identities"
+            )
+        self._codes, self._place = codes.copy(), np.array(state["queue.place"])
+        for rng, text in zip(self._rngs, state["queue.rngs"].tolist(), strict=True):
+            rng.bit_generator.state = json.loads(text)
 
     def now(self, ahead: np.ndarray | int = 0) -> np.ndarray:
         """Who is served now, codes int64 [n, D].

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from evenhand.cli import interrupts
+from evenhand.core import plugins
 from evenhand.core.errors import InputError, WorkerLostError, unknown
 from evenhand.core.processes import one_thread
 
@@ -22,7 +23,7 @@ COMMANDS = {
     "train": ("train.Train", "train one robot in a run folder; run it again to resume"),
     "evaluate": ("evaluate.Evaluate", "test a trained or a scripted robot on new people"),
     "film": ("film.Film", "make clips of services, or those of the questionnaire"),
-    "compare": ("compare.Compare", "compare ways to evenness, rivals included, in every scenario"),
+    "compare": ("compare.Compare", "compare methods, published ones included, in every scenario"),
     "sweep": ("sweep.Sweep", "run many trainings from a file, here or on a Ray cluster"),
     "audit": ("audit.Audit", "audit the log of any service robot: who is served unevenly?"),
     "watch": ("watch.Watch", "watch a growing log, with an alarm that may be looked at any time"),
@@ -145,11 +146,26 @@ def _dispatch(words: list[str]) -> int:
         name, rest = rest[0], rest[1:]
     if name not in table:
         raise unknown(kind, name, table)
+    # before the command is imported, whose help lists what there is
+    for file in _values_of("--plugin", rest):
+        plugins.load_plugin(file)
     module, _, attribute = table[name][0].partition(".")
     command = getattr(importlib.import_module(f"evenhand.cli.{module}"), attribute)
     program = f"{program} {name}"
     parsed = parse(command, program, rest)
     return 0 if parsed is None else parsed.run(" ".join([program, *rest]))
+
+
+def _values_of(option: str, words: Sequence[str]) -> Iterator[str]:
+    """What follows an option."""
+    inside = False
+    for word in words:
+        if word.startswith("--"):
+            inside = word == option
+            if word.startswith(f"{option}="):
+                yield word.partition("=")[2]
+        elif inside:
+            yield word
 
 
 def _overview(program: str, line: str, table: dict[str, tuple[str, str]]) -> str:

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL
+from evenhand.cli.inputs import OPTIONAL, Plugin
 from evenhand.cli.train import Train
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
+from evenhand.methods import registry
 
 if TYPE_CHECKING:
     from evenhand.report.model_cards.robot import Robot, Trial
@@ -43,6 +44,8 @@ class Card:
 
     licence: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(not stated)")] = None
     """Its licence, as Hugging Face spells it, such as apache-2.0."""
+
+    plugin: Plugin = ()
 
     notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=OPTIONAL)] = ""
     """Anything that readers should know; shown as plain text."""
@@ -104,7 +107,7 @@ class Card:
 
         settings, state = inputs.load_policy(self.file)
         about = self._about(settings, int(state.step))
-        population = settings.world.population
+        population = settings.world.people.name
         trial: Trial | None = None
         if self.services:
             table = evaluate.serve_policy(state, settings, self.services, self.seed)
@@ -129,7 +132,7 @@ class Card:
             settings=noted["settings"],
             versions=noted["versions"],
             epochs=epochs,
-            population=settings.world.population,
+            population=settings.world.people.name,
             judge=f"{judge.rows} judgements by {judge.source}",
             command=repeating(settings, shipped),
             last=lines[epochs - 1],
@@ -142,23 +145,28 @@ def repeating(settings: TrainSettings, shipped: bool) -> str | None:
     Returns:
         None when options cannot say all of the settings.
     """
-    guidance = settings.guidance
+    method = settings.method
+    name, strength = registry.name_of(method), registry.strength_of(method)
+    spelled = registry.spelled(name, strength)
+    usual = registry.create(spelled)
+    changed = {
+        one.name: getattr(method, one.name)
+        for one in fields(method)
+        if getattr(method, one.name) != getattr(usual, one.name)
+    }
     wanted: dict[str, Any] = {
         "preset": settings.preset,
         "algorithm": settings.update.algorithm,
-        "guidance": guidance.kind,
-        "strength": guidance.weigh.strength,
-        "credit": guidance.credit,
-        "tau": ",".join(f"{weight:g}" for weight in guidance.tau),
-        "penalty": guidance.penalty,
+        "guidance": name if registry.create(name) == usual else spelled,
+        "set": tuple(f"{field}={_text(value)}" for field, value in changed.items()),
+        "tau": ",".join(f"{weight:g}" for weight in settings.tau),
     }
     wanted |= {
         name: getattr(settings, name)
-        for name in ("scenario", "rival", "rival_strength", "unaware", "seed", "epochs", "people",
-                     "population")
-    }  # fmt: skip
+        for name in ("scenario", "seed", "epochs", "people", "population")
+    }
     plain = {one.name: one.default for one in fields(Train)}
-    for left_out in ({"strength", "tau"}, {"tau"}, {"strength"}, set()):
+    for left_out in ({"tau"}, set()):
         given = {
             name: value
             for name, value in wanted.items()
@@ -173,6 +181,13 @@ def repeating(settings: TrainSettings, shipped: bool) -> str | None:
         words += [] if shipped else ["--detector", "RUN/detector.json"]
         for name, value in given.items():
             words.append(f"--{name.replace('_', '-')}")
-            words += [] if value is True else [str(value)]
+            words += map(str, value) if isinstance(value, tuple) else [str(value)]
         return shlex.join(words)
     return None
+
+
+def _text(value: Any) -> str:
+    """A setting of a method as ``--set`` takes it."""
+    if isinstance(value, tuple):
+        return ",".join(map(str, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)

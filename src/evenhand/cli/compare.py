@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.cli import inputs
+from evenhand.cli.inputs import Plugin
 from evenhand.experiments.comparison.settings import CompareSettings
 
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare ways to evenness in scenarios that make a robot uneven.
+    """Compare methods in scenarios that make a robot uneven.
 
     Every arm is trained in every scenario with both algorithms, and tested on people it never
     saw. Two arms learn nothing: reference, the scripted robot that makes up for the scenario (what
@@ -40,8 +41,11 @@ class Compare:
     """Where unevenness comes from; several are joined by a plus."""
 
     arms: Annotated[tuple[str, ...], arg(metavar="ARM[@STRENGTH] ...")] = CompareSettings.arms
-    """Ways to serve. A strength follows an @, as in levelup@0.5 levelup@2: the weight of evenness,
-    for a rival its own main setting; fronts.csv then compares methods over their strengths."""
+    """Methods, or reference and untrained. A strength follows an @, as in levelup@0.5 levelup@2:
+    the weight of evenness, for a published method its own main setting; fronts.csv then compares
+    methods over their strengths."""
+
+    plugin: Plugin = ()
 
     algorithms: Annotated[
         tuple[Literal["ppo", "reinforce"], ...], arg(metavar="ppo|reinforce ...")
@@ -72,7 +76,7 @@ class Compare:
     def run(self, command: str) -> int:
         """Run it, print the table and the path of the report."""
         inputs.load_physics()
-        settings = CompareSettings(**asdict(self))
+        settings = CompareSettings(**{n: v for n, v in asdict(self).items() if n != "plugin"})
         from evenhand.core import terminal
         from evenhand.experiments.comparison import compare, tables
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,13 +13,22 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.cli.inputs import (
+    OPTIONAL,
+    Plugin,
+    Population,
+    Robot,
+    RunFolder,
+    Scenario,
+    Strength,
+)
 from evenhand.core.errors import whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 
 if TYPE_CHECKING:
     from evenhand.methods.services import Interactions
+    from evenhand.restaurant.worlds import World
 
 
 @dataclass(frozen=True)
@@ -43,14 +53,20 @@ class Evaluate:
     strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
+    plugin: Plugin = ()
+
     services: int = 3000
     """How many people are served."""
 
     seed: int = TEST_SEED
     """Of people, places and chances; take one that training has not used."""
 
+    scenario: Scenario = None
+    """Where people are served: even, prejudiced, perception, minority, tips, everyday.
+    Several are joined by a plus. That of the run's training, or even for a scripted robot."""
+
     population: Population = None
-    """Where people are drawn from; that of the run's training, or uniform for a scripted robot."""
+    """Where people are drawn from; by default that of the scenario, or of the run's training."""
 
     threads: int = CORES
     """Threads that step the physics; results are the same on any number."""
@@ -73,37 +89,38 @@ class Evaluate:
         from evenhand.core import terminal
         from evenhand.training import evaluate
 
-        who, table = self._serve()
+        who, world, table = self._serve()
         if self.out is not None:
             inputs.write_services(table, self.out)
-        found = evaluate.summary(table, self.seed)
+        found = evaluate.summary(table, self.seed, world.scheme)
         if self.json:
             print(json.dumps(found, allow_nan=False))
         else:
-            title = f"{who}: {self.services} services, seed {self.seed}"
-            terminal.table(title, ("measure", "value", "of"), told(found))
+            title = f"{who}: {self.services} services, scenario {world.name}, seed {self.seed}"
+            names = world.scheme.issue_names
+            terminal.table(title, ("measure", "value", "of"), told(found, names))
         return 0
 
-    def _serve(self) -> tuple[str, Interactions]:
+    def _serve(self) -> tuple[str, World, Interactions]:
+        from evenhand.restaurant import robots, worlds
         from evenhand.training import evaluate
 
         if self.run_folder is None:
             strength = 1.0 if self.strength is None else self.strength
-            where = self.population or "uniform"
-            name = str(self.robot)
-            return name, evaluate.serve_scripted(
-                name, strength, where, self.services, self.seed, threads=self.threads
-            )
-        settings, state = inputs.load_policy(self.run_folder)
-        who = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
-        return who, evaluate.serve_policy(
-            state, settings, self.services, self.seed, self.population, threads=self.threads
-        )
+            robot = robots.ScriptedRobot(str(self.robot), strength)
+            world = worlds.scenario(self.scenario or "even", self.population)
+            who, serve = robot.name, functools.partial(evaluate.serve_scripted, robot)
+        else:
+            settings, state = inputs.load_policy(self.run_folder)
+            world = settings.elsewhere(self.scenario, self.population)
+            who = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
+            serve = functools.partial(evaluate.serve_policy, state, settings)
+        found = serve(world=world, services=self.services, seed=self.seed, threads=self.threads)
+        return who, world, found
 
 
-def told(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """What ``measure.summary`` found, for readers: what it is, a number with its unit, of what."""
-    from evenhand.methods.vocabulary import ISSUES
+def told(found: Mapping[str, Any], issues: Sequence[str]) -> list[tuple[str, str, str]]:
+    """What ``evaluate.summary`` found, for readers: what it is, a number with its unit, of what."""
     from evenhand.restaurant.floor_plan import TIMESTEP
     from evenhand.training.evaluate import WINDOW
 
@@ -115,7 +132,7 @@ def told(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     seconds = None if time is None else time * TIMESTEP
     return [
         ("total issue score", _number(found["total"]), windows),
-        *((f"issue score, {name}", _number(found[name]), windows) for name in ISSUES),
+        *((f"issue score, {name}", _number(found[name]), windows) for name in issues),
         ("total that chance alone gives", _number(found["floor"]), windows),
         ("total of all services as one window", _number(found["pooled_total"]), every),
         ("perfect services", _share(found["perfect_rate"], services), every),

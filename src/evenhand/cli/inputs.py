@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -13,6 +13,8 @@ from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from evenhand.methods.paper.detector import Detector
     from evenhand.methods.services import Interactions
     from evenhand.training.settings import TrainSettings
@@ -22,6 +24,15 @@ OPTIONAL = "(optional)"
 RunFolder = Annotated[Path | None, arg(metavar="RUN", help_behavior_hint=OPTIONAL)]
 Robot = Annotated[str | None, arg(metavar="NAME", help_behavior_hint=OPTIONAL)]
 Strength = Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")]
+Plugin = Annotated[
+    tuple[Path, ...],
+    arg(
+        metavar="FILE ...",
+        help="Python files of your own that add methods, scenarios or policies.",
+        help_behavior_hint=OPTIONAL,
+    ),
+]
+Scenario = Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)]
 Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
 
 
@@ -65,21 +76,36 @@ def check_server(run_folder: Path | None, robot: str | None, strength: float | N
         raise InputError("--strength belongs to a scripted robot: leave it out, or name --robot")
 
 
+def method(text: str, settings: Sequence[str]) -> Any:
+    """A method by NAME[@STRENGTH], with settings as SETTING=VALUE.
+
+    Raises:
+        InputError: for an unknown name or setting, or a value that it cannot take.
+    """
+    from evenhand.methods import registry
+
+    pairs = [word.partition("=") for word in settings]
+    for name, mark, _ in pairs:
+        if not mark:
+            raise InputError(f"--set {name} has no value: give SETTING=VALUE")
+    return registry.changed(registry.create(text), {name: value for name, _, value in pairs})
+
+
 def parse_tau(text: str) -> tuple[float, float, float, float]:
     """Weights of the issues from a preset's name or four numbers.
 
     Raises:
         InputError: for an unknown preset or numbers that are no weights.
     """
-    from evenhand.methods import guidance
+    from evenhand.methods.paper import rewards
 
-    if text in guidance.TAU:
-        return guidance.TAU[text]
+    if text in rewards.TAU:
+        return rewards.TAU[text]
     try:
         a, b, c, d = (float(part) for part in text.split(","))
     except ValueError:
-        raise unknown("tau", text, [*guidance.TAU, "four numbers as 1,1,1,2"]) from None
-    guidance.check_tau((a, b, c, d))
+        raise unknown("tau", text, [*rewards.TAU, "four numbers as 1,1,1,2"]) from None
+    rewards.check_tau((a, b, c, d))
     return (a, b, c, d)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL, Population, Robot, RunFolder, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Population, Robot, RunFolder, Strength
 from evenhand.experiments.settings import TEST_SEED
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ class Minari:
 
     strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
+
+    plugin: Plugin = ()
 
     services: int = 1000
     """Episodes; one takes about 26 kB."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
+from evenhand.cli.inputs import Plugin
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import WORKERS
@@ -57,6 +58,8 @@ class Sweep:
     ray: Annotated[str | None, arg(metavar="HOST:PORT", help_behavior_hint="(optional)")] = None
     """Ray cluster to run on instead; this machine has to be one of it. Needs no shared disk, but
     evenhand[ray] on every machine."""
+
+    plugin: Plugin = ()
 
     estimate: bool = False
     """Run nothing but a few short samples, and say what the sweep would cost."""

@@ -9,11 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.cli import inputs
+from evenhand.cli.inputs import OPTIONAL, Plugin
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES, THREADS
+from evenhand.methods import registry
 
 if TYPE_CHECKING:
     from evenhand.training.settings import TrainSettings
+
+
+METHODS = f"""How the robot is to become even, and perhaps how strongly: levelup@2.
+service: nothing is paid for evenness.
+The paper's. score: Eq. 4. penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5).
+Ours, only with preset service. levelup: an issue costs more if it hits a worse-off group
+(recommended). influence: each service costs what it adds to the total issue score. surgery: the
+gradient towards evenness, without what conflicts with service.
+All names: {", ".join(registry.names())}."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,7 @@ class Train:
     Stop it whenever you like: the same command goes on from the last checkpoint, and ends with
     the same bits.
 
-    For instance: evenhand train --out out/run --algorithm reinforce --guidance score
+    For instance: evenhand train --out out/run --algorithm reinforce --guidance score@1
     """
 
     out: Annotated[Path, arg(metavar="FOLDER")]
@@ -45,47 +56,26 @@ class Train:
     reinforce: in one step, with the critic as baseline.
     ppo: in several clipped steps."""
 
-    guidance: Literal["none", "score", "penalty", "influence", "surgery", "levelup"] = "penalty"
-    """What evenness pays.
-    none: nothing.
-    score: Eq. 4.
-    penalty: Eq. 4, times lambda in an epoch that looks biased (Eq. 5).
-    Beyond the paper, and only with preset service:
-    levelup: issues of people in worse-off groups cost more (recommended).
-    influence: each service costs what it adds to the total issue score.
-    surgery: the gradient towards evenness, without what conflicts with service."""
+    guidance: Annotated[str, arg(metavar="NAME[@STRENGTH]", help=METHODS)] = "penalty"
 
-    strength: Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")] = None
-    """Weight of influence, surgery or levelup beside a perfect service's 1."""
+    set: Annotated[
+        tuple[str, ...], arg(metavar="SETTING=VALUE ...", help_behavior_hint=OPTIONAL)
+    ] = ()
+    """Settings of the method: credit=epoch and lam=0.25 with penalty, when=biased with levelup."""
+
+    plugin: Plugin = ()
 
     scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
     """Where unevenness comes from: even, prejudiced, perception, minority, tips, everyday.
     Several are joined by a plus: perception+tips."""
 
-    rival: Annotated[str, arg(metavar="NAME")] = "none"
-    """Another published method instead of guidance: lagrangian, a_ppo, r_ppo, elbert, group_dro,
-    ggf. Give --guidance none with it."""
-
-    rival_strength: Annotated[
-        float | None, arg(metavar="FLOAT", help_behavior_hint="(its own)")
-    ] = None
-    """Main setting of the rival."""
-
-    unaware: bool = False
-    """Hide from the policy whom it serves."""
-
-    credit: Literal["own_groups", "epoch"] = "own_groups"
-    """With --guidance score or penalty, whose disparity the reward for a person counts.
-    own_groups: of the groups this person belongs to.
-    epoch: of all groups, the same for everybody."""
+    policy: Annotated[str, arg(metavar="NAME")] = "mlp"
+    """Which network serves: mlp, or one of your own (`evenhand.register_policy`)."""
 
     tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
     """Weights of willingness, quality, priority and risk in Eq. 4 and in self-reflection.
     By name: equal, risk_first, willingness_first, risk_then_willingness.
     Or as numbers: 1,1,1,2."""
-
-    penalty: float = 0.5
-    """Lambda of Eq. 5, 0 to 1; only with --guidance penalty."""
 
     seed: int = 0
     """Of everything random in the run; the same seed gives the same run."""
@@ -103,7 +93,8 @@ class Train:
 
     detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
     """Detector that judges every epoch, from `evenhand detect fit`.
-    Without it: the one that comes along, fitted to simulated respondents."""
+    Without it: the one that comes along, fitted to simulated respondents, where it knows the
+    scenario's issues and identities; else no epoch is called biased."""
 
     threads: int = CORES
     """Threads that step the physics; the run is the same to the last bit on any number."""
@@ -131,8 +122,11 @@ class Train:
 
         set_up_jax()
         settings = self.settings()
-        judge = inputs.load_detector(self.detector)
-        train.check_detector(judge)
+        if self.detector is None:
+            judge = train.shipped_detector(settings)
+        else:
+            judge = inputs.load_detector(self.detector)
+            train.check_detector(judge, settings)
         with loggers.opened(self.log or (), self.out) as note, terminal.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
 
@@ -157,14 +151,12 @@ class Train:
         Raises:
             InputError: for settings that do not exist, or do not go together.
         """
-        from evenhand.methods import guidance
         from evenhand.training.settings import settings_of
 
-        self._check_guidance()
         base = settings_of(
             self.preset,
             self.algorithm,
-            self.guidance,
+            inputs.method(self.guidance, self.set),
             seed=self.seed,
             epochs=self.epochs,
             population=self.population,
@@ -172,31 +164,7 @@ class Train:
         return replace(
             base,
             people=self.people,
-            guidance=guidance.guided(
-                self.guidance,
-                self.strength,
-                credit=self.credit,
-                tau=inputs.parse_tau(self.tau),
-                penalty=self.penalty,
-            ),
+            tau=inputs.parse_tau(self.tau),
             scenario=self.scenario,
-            rival=self.rival,
-            rival_strength=self.rival_strength,
-            unaware=self.unaware,
+            policy=replace(base.policy, kind=self.policy),
         )
-
-    def _check_guidance(self) -> None:
-        """Refuse what the chosen guidance never looks at, rather than train without it."""
-        from evenhand.methods.guidance import SERVICE_KINDS
-
-        given = {
-            "strength": (self.strength is not None, SERVICE_KINDS),
-            "credit": (self.credit != Train.credit, ("score", "penalty")),
-            "penalty": (self.penalty != Train.penalty, ("penalty",)),
-        }
-        for name, (changed, kinds) in given.items():
-            if changed and self.guidance not in kinds:
-                raise InputError(
-                    f"--{name} does nothing with --guidance {self.guidance}: it belongs to "
-                    f"{' and '.join(kinds)}, so leave it out"
-                )

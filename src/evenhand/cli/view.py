@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import errno
 import socket
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
 from evenhand.cli import inputs, interrupts
-from evenhand.cli.inputs import OPTIONAL, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 
@@ -48,6 +48,8 @@ class View:
     strength: Strength = None
     """Of the scripted robot's bias, 0 to 1."""
 
+    plugin: Plugin = ()
+
     seed: int = 0
     """Of people, places and chances: the same seed shows the same services."""
 
@@ -83,7 +85,7 @@ class View:
         from evenhand.restaurant.live.shift import Shift
 
         shift = Shift(cast, self.seed)
-        title = f"{cast.name}; scenario {cast.scenario}, seed {self.seed}"
+        title = f"{cast.name}; scenario {cast.world.name}, seed {self.seed}"
         with interrupts.expected():
             studio.show(
                 shift,
@@ -100,21 +102,14 @@ class View:
         if self.run_folder is None:
             strength = 1.0 if self.strength is None else self.strength
             return shift.scripted(self.robot or "even", strength, self.scenario or "even")
-        from evenhand.training import train
+        from evenhand.restaurant import worlds
+        from evenhand.training import evaluate, train
 
         settings, state = inputs.load_policy(self.run_folder)
         name = f"{self.run_folder}, after {int(state.step)} of {settings.epochs} epochs"
-        if self.scenario is not None:
-            settings = replace(settings, scenario=self.scenario, population=None)
-        return shift.Cast(
-            name=name,
-            scenario=settings.scenario,
-            population=settings.world.population,
-            robot=lambda codes, rng: train.robot(settings, state.policy),
-            decide=settings.task,
-            sense=settings.sensor,
-            wanted=settings.needs,
-        )
+        world = settings.world if self.scenario is None else worlds.scenario(self.scenario)
+        evaluate.check_world(settings, world)
+        return shift.Cast(name, world, train.robot(settings, state.policy))
 
 
 def _check_free(port: int) -> None:

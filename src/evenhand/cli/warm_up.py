@@ -6,28 +6,25 @@ Machine code is kept beside the files (Numba) and in the cache folder (JAX, see 
 where neither can be written, this costs half a minute and changes nothing.
 """
 
-from dataclasses import replace
+from __future__ import annotations
 
-from evenhand.experiments.paper.reproduce import ARMS, arms_of
+from evenhand.experiments.paper.reproduce import arms_of, training_of
 from evenhand.experiments.settings import ReproduceSettings
 from evenhand.methods import detector_file
-from evenhand.methods.guidance import SERVICE_KINDS
+from evenhand.restaurant.robots import ScriptedRobot
+from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, train
 from evenhand.training.jax_setup import set_up_jax
-from evenhand.training.settings import settings_of
 
 
 def warm() -> None:
     """Serve a window by a script, and learn one epoch in every arm of the paper's experiment."""
     set_up_jax()
     judge = detector_file.load(detector_file.SHIPPED)
-    evaluate.serve_scripted("ageist", 1.0, "uniform", evaluate.WINDOW, 0)
+    evaluate.serve_scripted(ScriptedRobot("ageist"), World(), evaluate.WINDOW, 0)
     for preset in ReproduceSettings().preset:
         for arm in arms_of(preset):
-            algorithm, kind = ARMS[arm]
-            settings = settings_of(preset, algorithm, kind, epochs=1)
-            settings = replace(settings, reflect=kind in SERVICE_KINDS)
-            for _ in train.train(settings, judge):
+            for _ in train.train(training_of(preset, arm, 0, 1, "uniform"), judge):
                 pass
 
 

@@ -1,18 +1,17 @@
 """Services that can be filmed: what was to be seen of them, and what happened in them."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.restaurant import people, robots
+from evenhand.restaurant import robots, serve_people, worlds
 from evenhand.restaurant.film.clip import Footage
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.worlds import AnyRobot, World
 from evenhand.training import recordings, run_folder
-from evenhand.training.evaluate import LANES, WINDOW
 
 SERVED = 3000
 """Services of a scripted robot, as many as `evenhand evaluate` lets it serve by default: the same
@@ -21,6 +20,10 @@ seed gives the same services there and here."""
 
 def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage:
     """Services of a run.
+
+    Args:
+        folder: of the run.
+        services: their numbers, in the order wanted.
 
     Raises:
         InputError: when the run has no states, lacks one of the services, or is damaged.
@@ -52,24 +55,21 @@ def from_robot(
     Raises:
         InputError: for an unknown robot or population, or a strength outside 0 to 1.
     """
-    scripted = robots.ScriptedRobot(name, strength)
+    world = worlds.scenario("even", population)
+    return recorded(world, robots.ScriptedRobot(name, strength), services, seed, name)
+
+
+def recorded(world: World, robot: AnyRobot, services: int, seed: int, name: str) -> Footage:
+    """Let a robot serve, and record it; the same seed gives the same people at the same places.
+
+    Args:
+        world: where.
+        robot: who serves.
+        services: how many people.
+        seed: of people, places and chances.
+        name: of the robot.
+    """
     rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(population), services, rng)
-    return recorded(scripted.robot(setups.asking, rng), setups, rng, name)
-
-
-def recorded(
-    robot: serve.Robot, setups: layout.Setups, rng: np.random.Generator, name: str
-) -> Footage:
-    """Let a robot serve everybody once, and record it."""
-    lanes = Lanes(min(LANES, len(setups)), task.TaskSettings())
-    done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings(), recorded=True)
-    facts = serve.record(
-        done.facts,
-        setups.asking,
-        epoch=np.arange(len(setups)) // WINDOW,
-        scenario="even",
-        robot=name,
-    )
+    done = serve_people.serve_people(world, robot, services, rng, recorded=True)
     assert done.seen is not None
-    return Footage(done.seen, facts)
+    return Footage(done.seen, serve_people.table(done, world, name))

@@ -7,7 +7,6 @@ Every finished run notes it in its ``done.json``. Of a run from before that was 
 import functools
 import subprocess
 from collections.abc import Iterable
-from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from typing import Any
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
-from evenhand.restaurant.scenarios import Scenario
 from evenhand.training import checkpoint, run_folder
 
 Origin = dict[str, Any]
@@ -40,11 +38,6 @@ def heading(made: Origin, command: str) -> dict[str, Any]:
         "command": command,
         "commit": made["commit"],
     }
-
-
-def world(scenario: Scenario) -> dict[str, Any]:
-    """How uneven a scenario is, as JSON holds it: its name alone does not say."""
-    return asdict(scenario)
 
 
 @functools.cache

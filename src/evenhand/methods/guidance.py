@@ -1,161 +1,148 @@
-"""Guidance: what evenness is worth to the robot (the paper's Eq. 4 and 5). Pure arrays."""
+"""What a method gives after an epoch, and the check of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from evenhand.core.errors import InputError, unknown
-from evenhand.methods.beyond.levelup import CreditSettings
-from evenhand.methods.paper.scores import Scores, own_groups_score
-
-SERVICE_KINDS = ("influence", "surgery", "levelup")
-"""Kinds that are added to a service reward; see ``credit``."""
-KINDS = ("none", "score", "penalty", *SERVICE_KINDS)
-WHEN = ("always", "biased")
-CREDITS = ("own_groups", "epoch")
-
-STRENGTH: Mapping[str, float] = {"influence": 0.5, "surgery": 1.0, "levelup": 5.0}
-"""``CreditSettings.strength`` of each kind that was best of four on seeds kept for tuning."""
-
-TAU: Mapping[str, tuple[float, float, float, float]] = {
-    "equal": (1.0, 1.0, 1.0, 1.0),
-    "risk_first": (1.0, 1.0, 1.0, 2.0),
-    "willingness_first": (2.0, 1.0, 1.0, 1.0),
-    "risk_then_willingness": (1.5, 1.0, 1.0, 2.0),
-}
-"""Presets of tau, in the order willingness, quality, priority, risk.
-
-The printed runs use ``equal``. The paper puts risk in the first class and willingness in the
-second, without numbers: ``risk_then_willingness``; the sizes are chosen here.
-"""
+from evenhand.core import tree
+from evenhand.core.errors import InputError
+from evenhand.methods import registry
 
 
-@dataclass(frozen=True)
-class GuidanceSettings:
-    """What the robot is told about its evenness.
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """What an epoch of n services of at most L decisions teaches; without any, service alone.
 
     Attributes:
-        kind: none; score (Eq. 4); penalty (Eq. 4 and 5); influence: minus the influence of each
-            service on the total issue score; surgery: its gradient, off what conflicts with
-            service; levelup: issues of worse-off groups cost more.
-        credit: own_groups: a person's reward counts the groups this person belongs to; epoch: one
-            reward for everybody.
-        tau: weight of each issue, a preset or four numbers of at least 0.
-        penalty: lambda of Eq. 5, by which the reward of a biased epoch is multiplied.
-        when: whether influence, surgery and levelup count always, or in epochs that the detector
-            calls biased.
-        weigh: how much they weigh, and which gaps steer.
-        guarded: whether they give way while service becomes worse for a group, see ``guard``.
+        evenness: what is added to the reward of each service, [n].
+        rewards: of the services instead, [n].
+        advantages: of the decisions instead, [n, L]; then the critic goes on learning what the
+            rewards of the epoch are.
+        fair: a second direction beside them, for gradient surgery: advantages of the decisions
+            towards evenness, [n, L].
     """
 
-    kind: Literal["none", "score", "penalty", "influence", "surgery", "levelup"] = "penalty"
-    credit: Literal["own_groups", "epoch"] = "own_groups"
-    tau: tuple[float, float, float, float] = TAU["equal"]
-    penalty: float = 0.5
-    when: Literal["always", "biased"] = "always"
-    weigh: CreditSettings = field(default_factory=CreditSettings)
-    guarded: bool = True
+    evenness: np.ndarray | None = None
+    rewards: np.ndarray | None = None
+    advantages: np.ndarray | None = None
+    fair: np.ndarray | None = None
 
-    def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise unknown("guidance", self.kind, KINDS)
-        if self.credit not in CREDITS:
-            raise unknown("credit", self.credit, CREDITS)
-        if self.when not in WHEN:
-            raise unknown("when", self.when, WHEN)
-        check_tau(self.tau)
-        if not 0.0 <= self.penalty <= 1.0:
-            raise InputError(f"penalty is {self.penalty}: lambda multiplies rewards, give 0 to 1")
+    def added(self, reward: np.ndarray) -> np.ndarray:
+        """What evenness adds to the rewards of an epoch, [n]; 0 where advantages are given.
+
+        Args:
+            reward: of the epoch, [n].
+        """
+        if self.rewards is not None:
+            return self.rewards - reward
+        return np.zeros(len(reward)) if self.evenness is None else self.evenness
+
+    def earned(self, reward: np.ndarray) -> np.ndarray:
+        """Rewards of the services, [n].
+
+        Args:
+            reward: of the epoch, [n].
+        """
+        return self.rewards if self.rewards is not None else reward + self.added(reward)
 
 
-def guided(kind: str, strength: float | None = None, **others: Any) -> GuidanceSettings:
-    """Guidance of a kind with the strength that suits it.
-
-    Args:
-        kind: one of ``KINDS``.
-        strength: of evenness; by default the kind's own, see ``STRENGTH``.
-        **others: fields of ``GuidanceSettings``.
+def begin(method: Any, scheme: Any) -> Any:
+    """Memory of a method before the first epoch.
 
     Raises:
-        InputError: for an unknown kind, or a strength that is not finite or below 0.
+        InputError: when it holds something that a checkpoint cannot.
     """
-    chosen = STRENGTH.get(kind, 1.0) if strength is None else strength
-    return GuidanceSettings(kind, weigh=CreditSettings(strength=chosen), **others)  # type: ignore[arg-type]
+    memory = method.begin(scheme)
+    tree.leaves(memory, f"memory of method {registry.name_of(method)!r}")
+    return memory
 
 
-def check_tau(tau: Sequence[float] | np.ndarray, issues: int = 4) -> np.ndarray:
-    """Weights of the issues as an array.
+def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
+    """What a method makes of an epoch, checked.
 
     Args:
-        tau: the weights.
-        issues: how many there are; the paper's four by default.
+        method: that is asked.
+        epoch: a `methods.paper.epoch.Epoch`.
+        memory: of the method.
+
+    Returns:
+        Its guidance, advantages 0 where no decision happened; and its memory from now on.
 
     Raises:
-        InputError: for another number than that of the issues, or for negative or non-finite
-            weights, or none above 0.
+        InputError: when it gives something else, another shape, or a number that is not finite.
     """
-    weights = np.asarray(tau, float)
-    if weights.shape != (issues,) or not np.isfinite(weights).all() or (weights < 0).any():
-        many = "four" if issues == 4 else issues
-        raise InputError(f"tau is {tuple(tau)}: give {many} finite numbers of at least 0")
-    if not weights.any():
-        raise InputError("tau is 0 for every issue: give at least one issue a weight")
-    return weights
+    what = f"method {registry.name_of(method)!r}, epoch {epoch.number}"
+    found = method.teach(epoch, memory)
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise InputError(
+            f"{what}: teach gave {type(found).__name__}: give rewards or advantages, and the memory"
+        )
+    given, after = found
+    was, now = tree.shapes(memory), tree.shapes(after)
+    if was != now:
+        odd = next(name for name in {**was, **now} if was.get(name) != now.get(name))
+        raise InputError(
+            f"{what}: {odd or 'the memory'} was of shape {was.get(odd)} and is of {now.get(odd)}: "
+            "keep the shapes that begin gave"
+        )
+    n, length = np.shape(epoch.mask)
+    if not isinstance(given, Guidance):
+        values = _numbers(what, "it", given)
+        if values.shape not in ((n,), (n, length)):
+            raise InputError(
+                f"{what}: it gave an array of shape {values.shape}: give rewards of the services, "
+                f"{(n,)}, or advantages of their decisions, {(n, length)}"
+            )
+        given = Guidance(rewards=values) if values.ndim == 1 else Guidance(advantages=values)
+    happened = np.asarray(epoch.mask) > 0
+    return _checked(what, given, happened), after
 
 
-def evenness_reward(score: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Eq. 4: R = sum over issues of tau (1 - I).
+def alone(method: Any, epoch: Any) -> np.ndarray:
+    """Rewards of an epoch where evenness is all that is rewarded, [n].
 
-    A component that Eq. 1 cannot say is left out and the others are scaled up to the same
-    greatest reward, so that a missing score neither pays nor costs.
-
-    Args:
-        score: I, [..., K], NaN where missing.
-        tau: weights of the issues.
-
-    Returns:
-        R, [...], in [0, sum of tau]; half of the greatest reward where every component is
-        missing, for nothing is known.
+    Raises:
+        InputError: as `teach`.
     """
-    weights = check_tau(tau, np.shape(score)[-1])
-    known = ~np.isnan(score)
-    present = (known * weights).sum(axis=-1)
-    earned = np.where(known, weights * (1.0 - score), 0.0).sum(axis=-1)
-    share = np.where(present > 0, earned / np.where(present > 0, present, 1.0), 0.5)
-    return weights.sum() * share
+    what = f"method {registry.name_of(method)!r}, epoch {epoch.number}"
+    given = Guidance(rewards=_numbers(what, "alone", method.alone(epoch)))
+    rewards = _checked(what, given, np.asarray(epoch.mask) > 0).rewards
+    assert rewards is not None
+    return rewards
 
 
-def person_rewards(
-    scores: Scores,
-    inside: np.ndarray,
-    biased: bool,
-    settings: GuidanceSettings,
-    tau: Sequence[float] | np.ndarray | None = None,
-) -> np.ndarray:
-    """R_t for every person of an epoch (Eq. 4, and Eq. 5 when the detector says biased).
+def _checked(what: str, given: Guidance, happened: np.ndarray) -> Guidance:
+    n, length = happened.shape
+    checked: dict[str, np.ndarray | None] = {}
+    for name, shape in (
+        ("evenness", (n,)), ("rewards", (n,)), ("advantages", (n, length)), ("fair", (n, length)),
+    ):  # fmt: skip
+        values = getattr(given, name)
+        if values is None:
+            continue
+        values = _numbers(what, name, values)
+        if values.shape != shape:
+            raise InputError(f"{what}: {name} has shape {values.shape}: give {shape}")
+        if len(shape) == 2:
+            values = np.where(happened, values, 0.0)
+        odd = ~np.isfinite(values)
+        if odd.any():
+            place = int(np.flatnonzero(odd.reshape(n, -1).any(axis=1))[0])
+            raise InputError(
+                f"{what}, service {place}: {name} is {values[odd][0]}: give finite numbers"
+            )
+        checked[name] = values
+    return Guidance(**checked)
 
-    Args:
-        scores: of the epoch.
-        inside: membership of the people, [n, G].
-        biased: the detector's verdict on the epoch.
-        settings: which reward; what is not of Eq. 4 gives 0.
-        tau: weight of each issue where they are not the paper's four; else that of the settings.
 
-    Returns:
-        [n].
-    """
-    n = len(inside)
-    if settings.kind not in ("score", "penalty"):
-        return np.zeros(n)
-    if settings.credit == "own_groups":
-        score = own_groups_score(scores.gap, inside)
-    else:
-        score = np.broadcast_to(scores.overall, (n, len(scores.overall)))
-    reward = evenness_reward(score, settings.tau if tau is None else tau)
-    if settings.kind == "penalty" and biased:
-        reward = settings.penalty * reward
-    return reward
+def _numbers(what: str, name: str, values: Any) -> np.ndarray:
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        found = np.array(None)
+    if found.dtype.kind not in "biuf":
+        raise InputError(f"{what}: {name} gave {type(values).__name__}: give an array of numbers")
+    return found

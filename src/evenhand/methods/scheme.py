@@ -20,6 +20,7 @@ from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Facts, Issue, indicators
 from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
 from evenhand.methods.services import FACTS, OWN_TYPES, Interactions
+from evenhand.methods.vocabulary import Identity
 
 KINDS: dict[type, pa.DataType] = {bool: OWN_TYPES[0], int: OWN_TYPES[1], float: OWN_TYPES[2]}
 """Kinds of facts that a scheme can have, and how tables hold them."""
@@ -29,54 +30,6 @@ NUMBERING = ("epoch", "service")
 
 LARGEST = 2.0**53
 """Whole numbers beyond it are not exact as floats."""
-
-
-@dataclass(frozen=True)
-class Identity:
-    """One identity and its groups.
-
-    Attributes:
-        name: of the column.
-        groups: names in the order of their codes, 0 first; at least two.
-        reference: the group that the others are compared with; by default each group is compared
-            with everybody else, as in Eq. 1. The reference itself always is.
-    """
-
-    name: str
-    groups: tuple[str, ...]
-    reference: str | None = None
-
-    def __post_init__(self) -> None:
-        named = isinstance(self.groups, tuple | list) and all(
-            isinstance(group, str) and group for group in self.groups
-        )
-        if not named:
-            raise InputError(
-                f"identity {self.name!r} has the groups {self.groups!r}: give a tuple of names, "
-                "each a text"
-            )
-        if len(self.groups) < 2 or len(set(self.groups)) < len(self.groups):
-            raise InputError(
-                f"identity {self.name!r} has the groups {list(self.groups)}: name two or more, "
-                "each once"
-            )
-        if self.reference is not None and self.reference not in self.groups:
-            raise unknown(f"reference group of {self.name!r}", self.reference, self.groups)
-
-    @cached_property
-    def sides(self) -> np.ndarray:
-        """For each code, the last row for a missing one: 1 in the group, 0 on the other side.
-
-        NaN where it is on neither, float64 [groups + 1, groups].
-        """
-        size = len(self.groups)
-        sides = np.concatenate([np.eye(size), np.full((1, size), np.nan)])
-        if self.reference is not None:
-            other = self.groups.index(self.reference)
-            neither = ~np.eye(size, dtype=bool)
-            neither[other], neither[:, other] = False, False
-            sides[:-1][neither] = np.nan
-        return sides
 
 
 @dataclass(frozen=True)

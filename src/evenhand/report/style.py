@@ -19,11 +19,19 @@ from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from evenhand.core.palette import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+)
 from evenhand.report.table import Table
-
-INK, GREY, PALE = "#1f2328", "#6e7781", "#d8dee4"
-BLUE, VERMILLION, GREEN, ORANGE = "#0072B2", "#D55E00", "#009E73", "#E69F00"
-SKY, PURPLE, BLACK = "#56B4E9", "#CC79A7", "#000000"
 
 # Inches. At these widths 8 pt text is about 14 px on a laptop and 10 px on a phone 375 px wide.
 WIDE, NARROW = 7.2, 3.5

@@ -13,12 +13,10 @@ from gymnasium.vector.utils import batch_space
 from evenhand.core.errors import InputError
 from evenhand.restaurant.simulation import task
 
-CENTRE = np.array([*np.zeros(task.N_GROUPS), 0.3, 0.3, 0.0], np.float32)
-"""What is taken from an observation."""
-SCALE = np.array([*np.ones(task.N_GROUPS), 6.0, 3.0, 1.0], np.float32)
-"""What it is multiplied by then. A policy has to tell 1.0 m from 1.5 m, which are 0.2 and 0.3 in an
-observation. Spread out to 0.6 apart, they are learned from a fraction of the services. The time
-likewise."""
+_CENTRE, _SCALE = (0.3, 0.3, 0.0), (6.0, 3.0, 1.0)
+"""Of distance, time and age, behind the groups. A policy has to tell 1.0 m from 1.5 m, which are
+0.2 and 0.3 in an observation. Spread out to 0.6 apart, they are learned from a fraction of the
+services. The time likewise."""
 
 
 def observation_space() -> gym.spaces.Box:
@@ -28,16 +26,25 @@ def observation_space() -> gym.spaces.Box:
     return gym.spaces.Box(np.zeros_like(high), high, dtype=np.float32)
 
 
+def numbers(groups: int) -> tuple[np.ndarray, np.ndarray]:
+    """What is taken from an observation of so many groups, and what it is multiplied by then."""
+    return (
+        np.array([*np.zeros(groups), *_CENTRE], np.float32),
+        np.array([*np.ones(groups), *_SCALE], np.float32),
+    )
+
+
 def scale(observation: np.ndarray) -> np.ndarray:
     """Distance and time centred and spread out, the rest as it is.
 
     Args:
-        observation: float32 [..., 25].
+        observation: float32 [..., G + 3].
 
     Returns:
         Of the same shape and type.
     """
-    return (observation - CENTRE) * SCALE
+    centre, factor = numbers(observation.shape[-1] + task.DISTANCE)
+    return (observation - centre) * factor
 
 
 class ScaleObservation(gym.ObservationWrapper[np.ndarray, Any, np.ndarray], RecordConstructorArgs):

@@ -13,14 +13,14 @@ sexism; those odds are chosen. Which groups a robot serves worse is an assumptio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown
 from evenhand.restaurant import floor_plan, people
-from evenhand.restaurant.scenarios import Scenario, needs, sensing
+from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import serve, task
 
 MANNERS = ("proper", "far", "near", "close", "late", "ignore")
@@ -113,7 +113,7 @@ class ScriptedRobot:
         if self.name in BIASES:
             bias = BIASES[self.name]
             index = [identity.name for identity in people.IDENTITIES].index(bias.identity)
-            categories = people.IDENTITIES[index].categories
+            categories = people.IDENTITIES[index].groups
             worse = np.isin(codes[:, index], [categories.index(c) for c in bias.worse])
             improper = self.strength * np.where(
                 worse[:, None], np.array(bias.odds_worse), np.array(bias.odds_others)
@@ -125,6 +125,22 @@ class ScriptedRobot:
     def robot(self, codes: np.ndarray, rng: np.random.Generator) -> serve.Robot:
         """Draw a manner for each of N services and return the robot that keeps to them."""
         return of_manners(draw_manners(self.odds(codes), rng), rng)
+
+
+@dataclass(frozen=True)
+class Mannered:
+    """A robot that has a manner for each service.
+
+    Attributes:
+        choose: from the five identities of N people, int64 [N, 5], and a source of randomness to
+            codes of ``MANNERS``, int [N].
+    """
+
+    choose: Callable[[np.ndarray, np.random.Generator], np.ndarray]
+
+    def robot(self, codes: np.ndarray, rng: np.random.Generator) -> serve.Robot:
+        """Choose a manner for each of N services and return the robot that keeps to them."""
+        return of_manners(self.choose(codes, rng), rng)
 
 
 def draw_manners(odds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -149,8 +165,8 @@ def of_manners(manner: np.ndarray, rng: np.random.Generator) -> serve.Robot:
     wait = np.where(manner == _LATE, rng.uniform(201.0, 230.0, n), wait)
 
     def respond(observation: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        distance = observation[:, task.N_GROUPS] * task.DISTANCE_UNIT
-        step = observation[:, task.N_GROUPS + 1] * floor_plan.MAX_STEPS
+        distance = observation[:, task.DISTANCE] * task.DISTANCE_UNIT
+        step = observation[:, task.STEPS] * floor_plan.MAX_STEPS
         return ((distance <= limit[rows]) & (step >= wait[rows])).astype(float)
 
     return respond
@@ -158,43 +174,37 @@ def of_manners(manner: np.ndarray, rng: np.random.Generator) -> serve.Robot:
 
 # --- reference robots of the scenarios ---
 
-_FIRST_AGE = [group[0] for group in people.GROUPS].index("age")
-
-
-_FIRST_DISABILITY = [group[0] for group in people.GROUPS].index("disability")
-
-
 _RUN_UP = floor_plan.TOP_SPEED / floor_plan.MAX_ACCELERATION
 """Seconds until the robot has its top speed."""
 
 
-def reference(chosen: Scenario) -> serve.Robot:
-    """The scripted robot that makes up for a scenario.
+def reference(
+    perception: float, needed: float, identities: people.Identities = people.IDENTITIES
+) -> serve.Robot:
+    """The scripted robot that makes up for what is uneven.
 
     It divides a reading by what the sensor makes of people of that height, adds what it has driven
     since the reading, and responds in the middle of the person's own window: 1.0-1.5 m, or what
-    ``restaurant.needs`` leaves of it. It sees what a policy sees, and nothing else.
+    ``scenarios.needs`` leaves of it. It sees what a policy sees, and nothing else.
 
     Args:
-        chosen: the scenario.
+        perception: strength of ``scenarios.sensing``'s perception.
+        needed: strength of ``scenarios.needs``.
+        identities: of the people in the observation.
     """
 
     def respond(observation: np.ndarray, rows: np.ndarray) -> np.ndarray:
         del rows
-        child = observation[:, _FIRST_AGE] > 0.5
-        elder = observation[:, _FIRST_AGE + 4] > 0.5
-        wheelchair = observation[:, _FIRST_DISABILITY] > 0.5
-        codes = np.zeros((len(observation), len(people.IDENTITIES)), np.int64)
-        codes[:, 2] = np.where(child, 0, np.where(elder, 4, 2))
-        codes[:, 3] = np.where(wheelchair, 0, 1)
-        reading = observation[:, task.N_GROUPS] * task.DISTANCE_UNIT
-        now = observation[:, task.N_GROUPS + 1] * floor_plan.MAX_STEPS * floor_plan.TIMESTEP
-        age = observation[:, task.N_GROUPS + 2] * task.AGE_UNIT
-        distance = reading / sensing.mean_stretch(chosen.perception, codes)
+        own = people.decode(observation[:, : task.DISTANCE], identities)
+        codes = people.known(own, identities)
+        reading = observation[:, task.DISTANCE] * task.DISTANCE_UNIT
+        now = observation[:, task.STEPS] * floor_plan.MAX_STEPS * floor_plan.TIMESTEP
+        age = observation[:, task.AGE] * task.AGE_UNIT
+        distance = reading / sensing.mean_stretch(perception, codes)
         distance = distance - (_driven(now) - _driven(now - age))
-        # nobody else is special: draws of the windows are the same for all of a kind
-        own = needs.draw(needs.NeedSettings(chosen.needs), codes, np.random.default_rng(0))
-        least, most = np.maximum(own.room, 1.0), np.minimum(own.reach, 1.5)
+        # draws of the windows are the same for all of a kind
+        window = needs.draw(needs.NeedSettings(needed), codes, np.random.default_rng(0))
+        least, most = np.maximum(window.room, 1.0), np.minimum(window.reach, 1.5)
         # it decides ten times a second and drives 0.1 m in between: half of that to either side
         return (distance <= (least + most) / 2 + 0.05).astype(float)
 

@@ -1,6 +1,6 @@
 """Checkpoints from which a run resumes bit for bit.
 
-A checkpoint is one ``.npz`` file without pickle: the leaves of the learner state under their
+A checkpoint is one ``.npz`` file without pickle: the leaves of learner and memory under their
 names, in declared order, and a JSON header with fingerprints of the settings that it belongs to
 and whatever else the run needs (epoch, random state). It is written aside and renamed, so that
 an interruption leaves the earlier file whole.
@@ -18,18 +18,31 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from evenhand.core import tree
 from evenhand.core.errors import InputError
 from evenhand.training.update import LearnerState
 
 _FORMAT = "evenhand checkpoint"
-_VERSION = 1
+_VERSION = 2
 _HEADER = "header"
+
+
+class State(NamedTuple):
+    """All that changes from epoch to epoch.
+
+    Attributes:
+        learner: policy and optimiser.
+        memory: what training remembers beside it, see ``core.tree``; None for nothing.
+    """
+
+    learner: LearnerState
+    memory: Any = None
 
 
 @dataclass(frozen=True)
@@ -37,11 +50,11 @@ class Checkpoint:
     """What was read back.
 
     Attributes:
-        state: of the learner, bit for bit as it was saved.
+        state: bit for bit as it was saved.
         extra: what else was saved, as JSON gives it back.
     """
 
-    state: LearnerState
+    state: State
     extra: dict[str, Any]
 
 
@@ -61,15 +74,19 @@ def _as_json(value: Any) -> Any:
     raise TypeError(f"a fingerprint cannot be taken of {type(value).__name__}")
 
 
-def _named_leaves(state: LearnerState) -> dict[str, Any]:
-    """Leaves by name, such as ``policy.actor.weights.0``, in declared order."""
-    leaves = jax.tree_util.tree_flatten_with_path(state)[0]
-    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+def _named_leaves(state: State) -> dict[str, Any]:
+    """Leaves by name, such as ``learner.policy.actor.weights.0``, in declared order."""
+    leaves = jax.tree_util.tree_flatten_with_path(state.learner)[0]
+    named = {
+        f"learner.{jax.tree_util.keystr(path, simple=True, separator='.')}": leaf
+        for path, leaf in leaves
+    }
+    return named | tree.leaves(state.memory, "memory")
 
 
 def save(
     path: str | os.PathLike[str],
-    state: LearnerState,
+    state: State,
     *,
     fingerprints: Mapping[str, str],
     extra: Mapping[str, Any],
@@ -78,7 +95,7 @@ def save(
 
     Args:
         path: of the file; its folder exists.
-        state: of the learner.
+        state: learner and memory.
         fingerprints: name → `fingerprint` of all that must be the same when the run resumes
             (settings, detector).
         extra: anything that JSON can hold, with names as keys: the epoch,
@@ -124,12 +141,13 @@ def _sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def load(path: str | os.PathLike[str], like: LearnerState, expect: Mapping[str, str]) -> Checkpoint:
+def load(path: str | os.PathLike[str], like: State, expect: Mapping[str, str]) -> Checkpoint:
     """Read a checkpoint whole, or say why not.
 
     Args:
         path: of the file.
-        like: a state of the same shapes, for instance a fresh one from `make_learner`.
+        like: a state of the same shapes, for instance that of the beginning. Where its memory is
+            None, only the learner is read.
         expect: the fingerprints that it must have been saved with.
 
     Raises:
@@ -145,22 +163,26 @@ def load(path: str | os.PathLike[str], like: LearnerState, expect: Mapping[str, 
             f"checkpoint {path} belongs to other settings ({', '.join(others)}); "
             "resume with the settings that it was saved with, or start in a new folder"
         )
+    if like.memory is None:
+        arrays = {name: a for name, a in arrays.items() if not name.startswith("memory.")}
     wanted = _named_leaves(like)
     if list(wanted) != list(arrays):
+        odd = sorted({*wanted} ^ {*arrays})
         raise InputError(
-            f"checkpoint {path} holds a policy with other layers; resume with the settings that "
-            "it was saved with"
+            f"checkpoint {path} holds another policy, or the memory of another method "
+            f"({', '.join(odd[:3])}); resume with the settings that it was saved with"
         )
     for name, leaf in wanted.items():
         found = arrays[name]
         if found.shape != leaf.shape or found.dtype != leaf.dtype:
             raise InputError(
-                f"checkpoint {path} holds a policy of another shape: {name} is "
+                f"checkpoint {path} holds {name} of another shape: it is "
                 f"{found.dtype}{list(found.shape)} there and {leaf.dtype}{list(leaf.shape)} here"
             )
-    leaves = [jnp.asarray(array) for array in arrays.values()]
-    state = jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(like), leaves)
-    return Checkpoint(state=state, extra=header["extra"])
+    leaves = [jnp.asarray(a) for name, a in arrays.items() if name.startswith("learner.")]
+    learner = jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(like.learner), leaves)
+    memory = tree.fill(like.memory, arrays, "memory")
+    return Checkpoint(State(learner, memory), header["extra"])
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

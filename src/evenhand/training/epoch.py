@@ -1,100 +1,70 @@
-"""An epoch after its last service: counted, scored and judged when somebody asks."""
+"""The restaurant's services as an epoch that methods learn from."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
+from jax.typing import ArrayLike
 
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.detector import Detector, WindowVerdict
-from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
-from evenhand.restaurant import people
+from evenhand.methods.guard import Guard, Watch
+from evenhand.methods.paper import losses
+from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.epoch import Epoch, judge_of
+from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.simulation import serve
-from evenhand.restaurant.simulation.lanes import Facts
-
-ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
-
-
-@dataclass(frozen=True)
-class Epoch:
-    """n finished services and how even they were.
-
-    Attributes:
-        done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
-        judge: what a detector says of their scores.
-    """
-
-    done: serve.Services
-    codes: np.ndarray
-    judge: Callable[[Scores], WindowVerdict]
-
-    @cached_property
-    def x(self) -> np.ndarray:
-        """Issues, [n, 4], NaN where one does not apply."""
-        return issues.indicators(_Columns(self.done.facts))
-
-    @cached_property
-    def inside(self) -> np.ndarray:
-        """Membership, [n, 22]."""
-        return people.encode(self.codes).astype(float)
-
-    @cached_property
-    def counts(self) -> Counts:
-        """Of these services."""
-        return count(self.x, self.inside)
-
-    @cached_property
-    def scores(self) -> Scores:
-        """Of these services (Eq. 1 and 2)."""
-        return scores_of(self.counts, people.GROUPS, ISSUES)
-
-    @cached_property
-    def verdict(self) -> WindowVerdict:
-        """What the detector says of them (Eq. 3)."""
-        return self.judge(self.scores)
-
-    @property
-    def biased(self) -> bool:
-        """Whether the detector calls them biased."""
-        return bool(self.verdict.biased)
+from evenhand.statistics import chance
+from evenhand.training.settings import TrainSettings
 
 
-def judged_by(done: serve.Services, codes: np.ndarray, detector: Detector) -> Epoch:
-    """Finished services, to be judged by a detector when somebody asks.
+def epoch_of(
+    settings: TrainSettings,
+    done: serve.Services,
+    detector: Detector | None,
+    value: ArrayLike,
+    guard: Guard,
+    number: int = 0,
+) -> tuple[Epoch, Watch]:
+    """Finished services, to be counted, scored and judged when somebody asks.
 
     Args:
+        settings: of the run.
         done: the services; observations as the policy saw them.
-        codes: identities of the people served, int64 [n, 5].
-        detector: judges them.
+        detector: judges them, by what it was taught; None where none knows this world.
+        value: of the critic at every decision, [n, L].
+        guard: before these services.
+        number: of the epoch.
+
+    Returns:
+        The epoch, and what becomes of the guard.
     """
+    world, scheme = settings.world, settings.world.scheme
+    x, inside = world.indicators(done), scheme.inside(done.codes)
+    facts, watch = done.facts, Watch(guard, x, inside)
+    epoch = Epoch(
+        x=x,
+        inside=inside,
+        reward=tips.reward(world.tips, world.known(done.codes), facts.terms, facts.steps),
+        mask=done.mask,
+        groups=scheme.groups,
+        issues=scheme.issue_names,
+        tau=np.array(settings.tau),
+        advantages_of=lambda rewards: over_decisions(settings, done.mask, value, rewards),
+        excess_of=lambda counts: float(
+            chance.excess_scores(counts, scheme.groups, scheme.issue_names).total
+        ),
+        judge=judge_of(detector, () if detector is None else detector.identities),
+        guard=watch,
+        number=number,
+    )
+    return epoch, watch
 
-    def judge(scores: Scores) -> WindowVerdict:
-        # only what the detector was taught: each identity more raises the false alarms
-        return detector.judge_window(
-            {name: scores.by_identity[name] for name in detector.identities}
-        )
 
-    return Epoch(done, codes, judge)
-
-
-class _Columns:
-    """Facts as rules read them, without a table in between."""
-
-    def __init__(self, facts: Facts) -> None:
-        answered = facts.responded
-        self._columns = {
-            "responded": answered.astype(float),
-            "response_step": np.where(answered, facts.steps, np.nan),
-            "response_distance": np.where(answered, facts.distance, np.nan),
-            "min_distance": facts.min_distance,
-        }
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._columns
-
-    def fact(self, name: str) -> np.ndarray:
-        return self._columns[name]
+def over_decisions(
+    settings: TrainSettings, mask: np.ndarray, value: ArrayLike, rewards: np.ndarray
+) -> np.ndarray:
+    """Advantages of decisions, [n, L]: each service is an episode, paid at its end."""
+    values = np.asarray(value)
+    reward = np.zeros_like(values)
+    last = mask.sum(axis=1).astype(int) - 1
+    reward[np.arange(len(last)), last] = rewards
+    chosen = settings.update
+    return np.asarray(losses.gae(reward, values, mask, chosen.gamma, chosen.gae_lambda))

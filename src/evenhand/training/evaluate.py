@@ -6,20 +6,19 @@ from typing import Any
 
 import numpy as np
 
+from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import Counts, Scores, count, membership, score, scores_of
+from evenhand.methods.scheme import Scheme
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import LEAST
-from evenhand.restaurant import floor_plan, people, robots
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import floor_plan, robots, serve_people
+from evenhand.restaurant.serve_people import WINDOW
+from evenhand.restaurant.worlds import AnyRobot, World
 from evenhand.training import train
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import LearnerState
 
-WINDOW = 30
-LANES = 240
 _SHUFFLES = 4
 
 
@@ -28,7 +27,7 @@ def serve_policy(
     settings: TrainSettings,
     services: int,
     seed: int,
-    population: str | None = None,
+    world: World | None = None,
     *,
     threads: int = 1,
 ) -> Interactions:
@@ -39,33 +38,54 @@ def serve_policy(
         settings: of its training.
         services: how many people.
         seed: of people, places and chances; choose one that training never saw.
-        population: where people are drawn from; that of the training if None.
+        world: where; that of the training if None.
         threads: that step the physics; results are the same on any number.
+
+    Raises:
+        InputError: when people have other identities in this world than in training.
     """
-    rng = np.random.default_rng(seed)
-    drawn_from = people.population(population or settings.world.population)
-    setups = layout.draw(drawn_from, services, rng)
-    return _record(
-        train.robot(settings, state.policy),
-        setups,
-        rng,
-        name=settings.update.algorithm,
-        scenario=settings.scenario,
-        decide=settings.task,
-        sense=settings.sensor,
-        wanted=settings.needs,
-        threads=threads,
-    )
+    chosen = settings.world if world is None else world
+    check_world(settings, chosen)
+    robot = train.robot(settings, state.policy)
+    return _served(chosen, robot, settings.update.algorithm, services, seed, threads)
+
+
+def check_world(settings: TrainSettings, world: World) -> None:
+    """Whether a policy can serve in a world that it was not trained in.
+
+    Raises:
+        InputError: when people have other identities there.
+    """
+    if world.groups != settings.world.groups:
+        raise InputError(
+            f"in scenario {world.name!r} people have other identities than in "
+            f"{settings.scenario!r}, where the policy was trained: test it in a scenario with the "
+            "same identities"
+        )
 
 
 def serve_scripted(
-    name: str, strength: float, population: str, services: int, seed: int, *, threads: int = 1
+    robot: robots.ScriptedRobot, world: World, services: int, seed: int, *, threads: int = 1
 ) -> Interactions:
     """Serve people with a scripted robot."""
-    scripted = robots.ScriptedRobot(name, strength)
+    return _served(world, robot, robot.name, services, seed, threads)
+
+
+def serve_reference(world: World, services: int, seed: int, *, threads: int = 1) -> Interactions:
+    """Serve people with the robot that makes up for a scenario.
+
+    Raises:
+        InputError: when the scenario has none.
+    """
+    return _served(world, world.robot_to_compare_with(), "reference", services, seed, threads)
+
+
+def _served(
+    world: World, robot: AnyRobot, name: str, services: int, seed: int, threads: int
+) -> Interactions:
     rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(population), services, rng)
-    return _record(scripted.robot(setups.asking, rng), setups, rng, name=name, threads=threads)
+    done = serve_people.serve_people(world, robot, services, rng, threads=threads)
+    return serve_people.table(done, world, name)
 
 
 def perfect(table: Interactions) -> np.ndarray:
@@ -75,7 +95,7 @@ def perfect(table: Interactions) -> np.ndarray:
 
 
 def window_counts(
-    table: Interactions, order: np.ndarray | None = None
+    table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
 ) -> tuple[Counts, tuple[tuple[str, str], ...], list[str]]:
     """Counts of every full window of 30 services, in order.
 
@@ -83,43 +103,54 @@ def window_counts(
         table: services.
         order: identities are taken in this order instead, int [n]: with a permutation the
             identities no longer belong to the services, and what remains is chance.
+        scheme: identities and issues; by default the table's own and the paper's four.
 
     Returns:
         Counts [W, G, K]; (identity, category) of the G groups; names of the K issues.
     """
-    x = issues.indicators(table)
-    who = membership(table)
-    inside = who.inside if order is None else who.inside[order]
+    named = issues.PAPER_ISSUES if scheme is None else scheme.issues
+    x = issues.indicators(table, named)
+    if scheme is None:
+        who = membership(table)
+        inside, groups = who.inside, who.groups
+    else:
+        inside, groups = scheme.inside(scheme.codes(table)), scheme.groups
+    inside = inside if order is None else inside[order]
     full = len(x) // WINDOW * WINDOW
     counts = count(
         x[:full].reshape(-1, WINDOW, x.shape[1]),
         inside[:full].reshape(-1, WINDOW, inside.shape[1]),
     )
-    return counts, who.groups, [issue.name for issue in issues.PAPER_ISSUES]
+    return counts, groups, [issue.name for issue in named]
 
 
-def window_scores(table: Interactions, order: np.ndarray | None = None) -> Scores:
+def window_scores(
+    table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
+) -> Scores:
     """Scores of every full window of 30 services, in order; arguments as `window_counts`."""
-    return scores_of(*window_counts(table, order))
+    return scores_of(*window_counts(table, order, scheme))
 
 
-def summary(table: Interactions, seed: int) -> dict[str, Any]:
+def summary(table: Interactions, seed: int, scheme: Scheme | None = None) -> dict[str, Any]:
     """All numbers of a test.
 
     Args:
         table: services, at least one full window.
         seed: of the permutations behind ``floor``.
+        scheme: identities and issues, see ``window_counts``.
 
     Returns:
-        total and the four issues (means over windows of 30, as the paper scores them), floor (the
+        total and the issues (means over windows of 30, as the paper scores them), floor (the
         total that chance alone gives: identities permuted over the same services), pooled_total
         (of all services as one window), shares of perfect services (overall and of the worst of
         the 22 groups, see ``worst_group_rate``) and of responses, mean response distance (m) and
         time (steps). None where nothing is known.
     """
-    windows = window_scores(table)
+    windows = window_scores(table, scheme=scheme)
     rng = np.random.default_rng(seed)
-    chance = [window_scores(table, rng.permutation(len(table))).total for _ in range(_SHUFFLES)]
+    orders = (rng.permutation(len(table)) for _ in range(_SHUFFLES))
+    chance = [window_scores(table, order, scheme).total for order in orders]
+    pooled = score(table) if scheme is None else scheme.score(table)
     good = perfect(table)
     responded = table.fact("responded") == 1.0
     distance, step = table.fact("response_distance"), table.fact("response_step")
@@ -128,7 +159,7 @@ def summary(table: Interactions, seed: int) -> dict[str, Any]:
         "total": _mean(windows.total),
         **{name: _mean(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
         "floor": _mean(np.concatenate(chance)),
-        "pooled_total": _mean(np.atleast_1d(score(table).total)),
+        "pooled_total": _mean(np.atleast_1d(pooled.total)),
         "perfect_rate": float(good.mean()),
         "worst_group_rate": worst_group_rate(good, membership(table).inside),
         "response_rate": float(responded.mean()),
@@ -156,27 +187,3 @@ def worst_group_rate(good: np.ndarray, inside: np.ndarray) -> float | None:
 def _mean(values: np.ndarray) -> float | None:
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else None
-
-
-def _record(
-    robot: serve.Robot,
-    setups: layout.Setups,
-    rng: np.random.Generator,
-    *,
-    name: str,
-    scenario: str = "even",
-    decide: task.TaskSettings | None = None,
-    sense: sensing.SenseSettings | None = None,
-    wanted: needs.NeedSettings | None = None,
-    threads: int = 1,
-) -> Interactions:
-    services = len(setups)
-    lanes = Lanes(min(LANES, services), decide or task.TaskSettings(), threads)
-    done = serve.serve(lanes, setups, robot, rng, sense or sensing.SenseSettings(), wanted)
-    return serve.record(
-        done.facts,
-        setups.asking,
-        epoch=np.arange(services) // WINDOW,
-        scenario=scenario,
-        robot=name,
-    )

@@ -19,12 +19,11 @@ import numpy as np
 import optax
 
 from evenhand.methods.paper import losses
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import robots
+from evenhand.restaurant.serve_people import serve_people
+from evenhand.restaurant.worlds import World
 from evenhand.training.batches import Decisions, Trajectories, pack
-from evenhand.training.policy import ActorCritic
+from evenhand.training.policy import ActorCritic, of_networks
 from evenhand.training.update import LearnerState
 
 SERVICES = 900
@@ -34,30 +33,21 @@ PULL = 0.3
 _STEPS, _BATCH, _RATE = 300, 2048, 3e-3
 
 
-def demonstrate(
-    strength: float,
-    population: str,
-    decide: task.TaskSettings,
-    sense: sensing.SenseSettings,
-    wanted: needs.NeedSettings,
-    rng: np.random.Generator,
-) -> Trajectories:
+def demonstrate(world: World, rng: np.random.Generator) -> Trajectories:
     """Services of biased robots, each given by one of them.
 
     Args:
-        strength: of their bias, 0 to 1.
-        population: where people are drawn from.
-        decide: how often they decide.
-        sense: their sensor.
-        wanted: what people need.
+        world: where; its ``prejudice`` is the strength of their bias.
         rng: source of all randomness.
     """
-    setups = layout.draw(people.population(population), SERVICES, rng)
-    codes = setups.asking
-    each = np.stack([robots.ScriptedRobot(name, strength).odds(codes) for name in robots.BIASES])
-    odds = each[rng.integers(len(each), size=SERVICES), np.arange(SERVICES)]
-    robot = robots.of_manners(robots.draw_manners(odds, rng), rng)
-    done = serve.serve(Lanes(240, decide), setups, robot, rng, sense, wanted)
+    biased = [robots.ScriptedRobot(name, world.prejudice) for name in robots.BIASES]
+
+    def choose(codes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        each = np.stack([one.odds(codes) for one in biased])
+        odds = each[rng.integers(len(each), size=SERVICES), np.arange(SERVICES)]
+        return robots.draw_manners(odds, rng)
+
+    done = serve_people(world, robots.Mannered(choose), SERVICES, rng)
     return Trajectories(done.observation, done.action, done.mask)
 
 
@@ -70,14 +60,16 @@ def imitate(state: LearnerState, shown: Trajectories, rng: np.random.Generator) 
         rng: draws the batches.
 
     Returns:
-        The learner with another actor; its optimiser and its critic are untouched.
+        The learner with another actor; its optimiser and its critic are untouched. A policy
+        without an actor of its own is changed as a whole.
     """
     nothing = np.zeros(np.shape(shown.mask), np.float32)
     decisions, count = pack(shown, nothing, nothing)
     chosen = rng.integers(count, size=(_STEPS, _BATCH)).astype(np.int32)
-    return eqx.tree_at(
-        lambda s: s.policy.actor, state, _clone(state.policy, decisions, chosen).actor
-    )
+    cloned = _clone(state.policy, decisions, chosen)
+    if of_networks(cloned):
+        return eqx.tree_at(lambda s: s.policy.actor, state, cloned.actor)
+    return eqx.tree_at(lambda s: s.policy, state, cloned)
 
 
 @jax.jit

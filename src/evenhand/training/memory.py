@@ -2,72 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from evenhand.methods.beyond import guard, levelup, reflection
-from evenhand.methods.paper import issues
-from evenhand.restaurant import people
-from evenhand.training.rivals import base, methods
+from evenhand.methods import guidance
+from evenhand.methods.beyond import reflection
+from evenhand.methods.guard import GUARD, Guard
 from evenhand.training.settings import TrainSettings
-
-GUARD = guard.GuardSettings()
-_GROUPS, _ISSUES = len(people.GROUPS), len(issues.PAPER_ISSUES)
 
 
 @dataclass(frozen=True)
-class Past:
+class Memory:
     """Memories of all parts; those of parts that a run does not use stay empty.
 
     Attributes:
-        memory: counts of the last epochs.
         guard: whether service became worse for a group; its groups are the 22 and everybody.
         reflection: cosines of the last updates.
-        rival: state of the rival; None without one.
+        method: what the method remembers.
     """
 
-    memory: levelup.Memory
-    guard: guard.Guard
+    guard: Guard
     reflection: reflection.Past
-    rival: Any
+    method: Any
 
     @classmethod
-    def empty(cls, settings: TrainSettings) -> Past:
+    def begin(cls, settings: TrainSettings) -> Memory:
         """Before the first epoch."""
-        identities = len(people.IDENTITIES)
+        scheme = settings.world.scheme
+        groups, issues = len(scheme.groups), len(scheme.issues)
         return cls(
-            levelup.Memory.empty(settings.guidance.weigh.windows, _GROUPS, _ISSUES),
-            guard.Guard.new(_GROUPS + 1, 1, GUARD),
-            reflection.Past.empty(identities, _ISSUES, settings.reflection),
-            _rival_state(settings),
+            Guard.new(groups + 1, 1, GUARD),
+            reflection.Past.empty(len(scheme.identities), issues, settings.reflection),
+            guidance.begin(settings.method, scheme),
         )
-
-    def plain(self) -> dict[str, Any]:
-        """As JSON can hold it, exactly."""
-        rival = {} if self.rival is None else base.to_arrays(self.rival)
-        return {
-            "memory": self.memory.plain(),
-            "guard": self.guard.plain(),
-            "reflection": self.reflection.plain(),
-            "rival": {name: np.asarray(values).tolist() for name, values in rival.items()},
-        }
-
-    @classmethod
-    def of(cls, plain: Mapping[str, Any], settings: TrainSettings) -> Past:
-        """Back from `plain`."""
-        like = _rival_state(settings)
-        return cls(
-            levelup.Memory.of(plain["memory"]),
-            guard.Guard.of(plain["guard"]),
-            reflection.Past.of(plain["reflection"]),
-            None if like is None else base.from_arrays(like, plain["rival"]),
-        )
-
-
-def _rival_state(settings: TrainSettings) -> Any:
-    if settings.rival == "none":
-        return None
-    return methods.strong(settings.rival, settings.rival_strength).begin(_GROUPS, _ISSUES)

@@ -11,9 +11,10 @@ are repaired or chosen here:
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -23,6 +24,7 @@ from scipy.special import expit
 
 from evenhand.core import forks
 from evenhand.core.errors import InputError, unknown
+from evenhand.core.source import check_name, file_of, source_hash
 
 WALK = 0
 RESPOND = 1
@@ -43,6 +45,9 @@ _NUMPY_ACTIVATIONS: dict[str, Callable[..., np.ndarray]] = {"tanh": np.tanh, "re
 class PolicySettings:
     """Size and first behaviour of actor and critic."""
 
+    kind: str = "mlp"
+    """Which network: mlp, or one of your own, see ``register_policy``."""
+
     hidden: tuple[int, ...] = (64, 64)
     """Units of each hidden layer, the same for actor and critic."""
 
@@ -55,6 +60,8 @@ class PolicySettings:
     decisions on average (2.3 s at 10 Hz) and meets every distance from the start to the person."""
 
     def __post_init__(self) -> None:
+        if self.kind not in _POLICIES:
+            raise unknown("policy", self.kind, _POLICIES)
         layers, units = MOST_HIDDEN
         if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
             raise InputError(
@@ -67,6 +74,86 @@ class PolicySettings:
                 f"initial_response_rate is {self.initial_response_rate}; "
                 "give a probability above 0 and below 1"
             )
+
+
+class Policy(Protocol):
+    """What can be trained: an Equinox module, or any other tree of arrays, that tells these."""
+
+    def log_probabilities(self, obs: jax.Array) -> jax.Array:
+        """Log π(a | s) of walk and respond, [..., 2], for observations [..., O]."""
+        ...
+
+    def value(self, obs: jax.Array) -> jax.Array:
+        """V(s), [...], for observations [..., O]."""
+        ...
+
+
+Make = Callable[[int, PolicySettings, np.random.Generator], Any]
+"""(numbers in an observation, settings, source of the weights) -> an untrained policy."""
+
+
+class _Registered(NamedTuple):
+    make: Make
+    source: str | None
+
+
+_POLICIES: dict[str, _Registered] = {}
+
+
+def register_policy(name: str, make: Make) -> None:
+    """Add a kind of policy, which can then be chosen by its name (``PolicySettings.kind``).
+
+    Args:
+        name: letters, digits, ``_``, ``-`` and dots.
+        make: makes an untrained ``Policy`` from the size of an observation, settings and a source
+            of randomness.
+
+    Raises:
+        InputError: for a name that is taken or cannot be one.
+    """
+    check_name("policy", name, _POLICIES)
+    caller = sys._getframe(1).f_globals.get("__file__")
+    _POLICIES[name] = _Registered(make, source_hash(caller, file_of(make)))
+
+
+def names() -> tuple[str, ...]:
+    """Of all kinds of policies."""
+    return tuple(_POLICIES)
+
+
+def sources(name: str) -> dict[str, str]:
+    """Fingerprint of the file of a policy that is not Evenhand's own."""
+    text = _POLICIES[name].source
+    return {} if text is None else {f"policy {name}": text}
+
+
+def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generator) -> Any:
+    """An untrained policy of the kind that the settings name.
+
+    Raises:
+        InputError: when it does not tell two probabilities and a value of an observation.
+    """
+    made = _POLICIES[settings.kind].make(obs_size, settings, rng)
+    odd = [leaf for leaf in jax.tree.leaves(made) if not isinstance(leaf, jax.Array | np.ndarray)]
+    if odd:
+        raise InputError(
+            f"policy {settings.kind!r} holds {odd[0]!r} among its weights: keep arrays there, and "
+            "everything else in static fields (equinox.field(static=True))"
+        )
+    seen = np.zeros((1, obs_size), np.float32)
+    try:
+        shapes = made.log_probabilities(seen).shape, made.value(seen).shape
+    except AttributeError as error:
+        raise InputError(
+            f"policy {settings.kind!r}: what its function makes has no log_probabilities or no "
+            "value, which it needs"
+        ) from error
+    if shapes != ((1, 2), (1,)):
+        raise InputError(
+            f"policy {settings.kind!r} gives log_probabilities of shape {list(shapes[0])} and "
+            f"value of shape {list(shapes[1])} for one observation: give [1, 2] and [1]"
+        )
+    return made
 
 
 class Network(eqx.Module):
@@ -145,7 +232,7 @@ def _network(
     )
 
 
-def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generator) -> ActorCritic:
+def mlp(obs_size: int, settings: PolicySettings, rng: np.random.Generator) -> ActorCritic:
     """An untrained policy.
 
     Orthogonal weights with gain √2 in hidden layers, 0.01 in the actor's head and 1 in the
@@ -183,6 +270,18 @@ def state_values(policy: ActorCritic, obs: Any) -> jax.Array:
     return policy.value(jnp.asarray(obs, jnp.float32))
 
 
+def of_networks(policy: Any) -> bool:
+    """Whether a policy is a plain ``ActorCritic``, which NumPy and machine code can follow."""
+    return type(policy) is ActorCritic and isinstance(policy.actor, Network)
+
+
+def respond(policy: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """π(respond | s), [N], for observations [N, O], as fast as the policy allows."""
+    if of_networks(policy):
+        return Actor(policy).probability
+    return lambda obs: np.asarray(response_probability(policy, obs))
+
+
 class Actor:
     """A NumPy copy of the actor for use inside the control loop.
 
@@ -213,3 +312,6 @@ class Actor:
         odds = x @ self._head
         odds += self._bias
         return expit(odds)
+
+
+register_policy("mlp", mlp)

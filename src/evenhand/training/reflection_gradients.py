@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from evenhand.methods.beyond.levelup import Influence
+from evenhand.methods.beyond.influence import Influence
 from evenhand.methods.beyond.reflection import (
     Directions,
     Past,
@@ -19,7 +20,7 @@ from evenhand.methods.beyond.reflection import (
     conclude,
 )
 from evenhand.training.batches import Trajectories
-from evenhand.training.policy import ActorCritic, Network
+from evenhand.training.policy import ActorCritic, Network, of_networks
 
 
 @jax.jit
@@ -101,5 +102,19 @@ def examine(
         raise ValueError(f"influence of {len(influence.total)} services, but {n} were given")
     directions = Directions.of(influence, groups, issues, tau)
     return Examination(
-        directions, _examine(before.actor, after.actor, trajectories, directions.flat)
+        directions, _examine(_actor(before), _actor(after), trajectories, directions.flat)
     )
+
+
+def _actor(policy: Any) -> Any:
+    """The part of a policy that acts, as a function of observations."""
+    return policy.actor if of_networks(policy) else _Whole(policy)
+
+
+class _Whole(eqx.Module):
+    """A policy without an actor of its own."""
+
+    policy: Any
+
+    def __call__(self, obs: jax.Array) -> jax.Array:
+        return self.policy.log_probabilities(obs)

@@ -13,6 +13,7 @@ import json
 import os
 import platform
 import re
+import shutil
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -22,12 +23,14 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.core.errors import InputError
-from evenhand.methods import detector_file
+from evenhand.methods import detector_file, registry
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Interactions
+from evenhand.restaurant import worlds
 from evenhand.restaurant.simulation.recording import Recording
-from evenhand.training import checkpoint, recordings, train
-from evenhand.training.memory import Past
+from evenhand.training import checkpoint, policy, recordings, train
+from evenhand.training.checkpoint import State
+from evenhand.training.memory import Memory
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import LearnerState
 
@@ -51,14 +54,32 @@ def other_versions(then: dict[str, Any], here: dict[str, Any]) -> str:
 
 
 def as_dict(settings: Any) -> dict[str, Any]:
-    """Settings as JSON holds them."""
-    return json.loads(json.dumps(dataclasses.asdict(settings)))
+    """Settings as JSON holds them; a method by name, settings and a hash of its source."""
+    content = {
+        field.name: getattr(settings, field.name)
+        for field in dataclasses.fields(settings)
+        if field.name != "method"
+    }
+    plain = json.loads(json.dumps(content, default=dataclasses.asdict))
+    if isinstance(settings, TrainSettings):
+        plain["method"] = registry.described(settings.method)
+    return {field.name: plain[field.name] for field in dataclasses.fields(settings)}
+
+
+def sources(settings: TrainSettings) -> dict[str, str]:
+    """Fingerprints of files that are not Evenhand's own and decide what a run does."""
+    return worlds.sources(settings.scenario) | policy.sources(settings.policy.kind)
+
+
+def fingerprint(settings: TrainSettings) -> str:
+    """Of the settings of a run, and of the files of others that they name."""
+    return checkpoint.fingerprint(as_dict(settings) | sources(settings))
 
 
 def execute(
     folder: str | os.PathLike[str],
     settings: TrainSettings,
-    detector: Detector,
+    detector: Detector | None,
     *,
     every: int = CHECKPOINT_EVERY,
     progress: Progress | None = None,
@@ -70,7 +91,7 @@ def execute(
     Args:
         folder: of this run; made if it does not exist.
         settings: of the run.
-        detector: judges every epoch.
+        detector: judges every epoch, if there is one.
         every: epochs between checkpoints.
         progress: told ``services`` and ``physics_steps`` (0 for what an earlier process did), and
             the other numbers of every new epoch.
@@ -84,16 +105,17 @@ def execute(
         InputError: when the detector judges something else, or the folder cannot be written, is in
             use, holds another run, or a file of it is missing or damaged.
     """
-    train.check_detector(detector)
+    train.check_detector(detector, settings)
     root = files.make_folder(folder)
     with files.locked(root):
         files.sweep(root)
         prints = {
             "settings": checkpoint.fingerprint(as_dict(settings)),
-            "detector": checkpoint.fingerprint(as_dict(detector)),
+            "detector": "none" if detector is None else checkpoint.fingerprint(as_dict(detector)),
+            **sources(settings),
         }
         _claim(root, settings, detector, prints)
-        state, rng, first, past = _resume(root, settings, prints)
+        state, rng, first, memory = _resume(root, settings, prints)
         if first and progress is not None:
             progress({"services": first * settings.people, "physics_steps": 0})
         services: list[Interactions] = []
@@ -105,7 +127,7 @@ def execute(
             state=state,
             rng=rng,
             first_epoch=first,
-            past=past,
+            memory=memory,
             recorded=recorded,
             threads=threads,
         ):
@@ -123,6 +145,24 @@ def execute(
                 _keep(root, record, services, lines, prints)
                 services, seen, lines = [], [], []
         return state
+
+
+def drop_edited(folder: str | os.PathLike[str], settings: TrainSettings) -> None:
+    """Delete a run that is the same but for the source of its method, which was edited since.
+
+    Args:
+        folder: of the run, if there is one.
+        settings: of the run as it would be now.
+    """
+    path = Path(folder) / "settings.json"
+    if not path.exists():
+        return
+    noted, now = files.read_record(path, "settings")["settings"], as_dict(settings)
+    source = noted.get("method", {}).get("source") if isinstance(noted, dict) else None
+    if source is None or source == now["method"]["source"]:
+        return
+    if noted == now | {"method": now["method"] | {"source": source}}:
+        shutil.rmtree(folder)
 
 
 def finished(folder: str | os.PathLike[str], key: str) -> dict[str, Any] | None:
@@ -197,10 +237,9 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerS
             f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
             "let the run go on"
         )
-    found = checkpoint.load(
-        root / "checkpoint.npz", train.untrained(settings), noted["fingerprints"]
-    )
-    return settings, found.state
+    like = State(train.untrained(settings))
+    found = checkpoint.load(root / "checkpoint.npz", like, noted["fingerprints"])
+    return settings, found.state.learner
 
 
 def _noted(path: Path) -> dict[str, Any]:
@@ -225,20 +264,26 @@ def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
     values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
         value = content[field.name]
-        if isinstance(value, dict) and isinstance(field.default_factory, type):
+        if field.name == "method":
+            value = registry.restored(value)
+        elif isinstance(value, dict) and isinstance(field.default_factory, type):
             value = _from_dict(field.default_factory, value, where)
         values[field.name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)
 
 
-def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict[str, str]) -> None:
+def _claim(
+    root: Path, settings: TrainSettings, detector: Detector | None, prints: dict[str, str]
+) -> None:
     path = root / "settings.json"
     if path.exists():
         noted = _noted(path)
         _from_dict(TrainSettings, noted["settings"], path)  # another version's are no other run
         differs = files.differences(noted["settings"], as_dict(settings))
         if not differs and noted["fingerprints"] != prints:
-            differs = "another detector"
+            names = {*prints, *noted["fingerprints"]} - {"settings"}
+            other = [n for n in sorted(names) if noted["fingerprints"].get(n) != prints.get(n)]
+            differs = f"another {other[0]}"
         if differs:
             raise InputError(
                 f"{root} holds another run ({differs}): give another folder, or delete this one"
@@ -248,20 +293,20 @@ def _claim(root: Path, settings: TrainSettings, detector: Detector, prints: dict
     else:
         noted = {"settings": as_dict(settings), "fingerprints": prints, "versions": versions()}
         files.write_json(path, noted | {"seed": settings.seed})
-    if not (root / "detector.json").exists():
+    if detector is not None and not (root / "detector.json").exists():
         detector_file.save(detector, root / "detector.json")
 
 
 def _resume(
     root: Path, settings: TrainSettings, prints: dict[str, str]
-) -> tuple[LearnerState, np.random.Generator, int, Past]:
+) -> tuple[LearnerState, np.random.Generator, int, Memory]:
     """Where the run stands; what was written after its last checkpoint is dropped."""
-    rng, first, past = train.stream(settings), 0, Past.empty(settings)
+    rng, first, memory = train.stream(settings), 0, Memory.begin(settings)
     if (root / "checkpoint.npz").exists():
-        found = checkpoint.load(root / "checkpoint.npz", train.untrained(settings), prints)
-        state, first = found.state, int(found.extra["epoch"])
+        like = State(train.untrained(settings), memory)
+        found = checkpoint.load(root / "checkpoint.npz", like, prints)
+        (state, memory), first = found.state, int(found.extra["epoch"])
         rng.bit_generator.state = found.extra["rng"]
-        past = Past.of(found.extra["past"], settings)
     else:
         state = train.begin(settings)
     if 0 < first < settings.epochs:
@@ -291,7 +336,7 @@ def _resume(
             f"{services} lacks the services of epoch {there}: delete {root} and run the same "
             "command again"
         )
-    return state, rng, first, past
+    return state, rng, first, memory
 
 
 def check_versions(where: Path, then: dict[str, Any]) -> None:
@@ -333,9 +378,9 @@ def _keep(
     files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))
     checkpoint.save(
         root / "checkpoint.npz",
-        record.state,
+        State(record.state, record.memory),
         fingerprints=prints,
-        extra={"epoch": epoch, "rng": record.rng, "past": record.past.plain()},
+        extra={"epoch": epoch, "rng": record.rng},
     )
 
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods import guidance
+from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
-from evenhand.restaurant import scenarios
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import task
+from evenhand.methods.paper import rewards
+from evenhand.restaurant import worlds
 from evenhand.training.policy import PolicySettings
-from evenhand.training.rivals import methods
 from evenhand.training.update import UpdateSettings
 
 PRESETS = ("paper", "service")
@@ -38,28 +37,19 @@ class TrainSettings:
     """Services in one epoch."""
 
     scenario: str = "even"
-    """Where unevenness comes from, see ``scenarios``; several are joined by a plus."""
+    """Where unevenness comes from, see ``worlds``; several are joined by a plus."""
 
     population: str | None = None
     """Where people are drawn from; none means that of the scenario."""
 
-    evenness_weight: float = 1.0
-    """service preset: weight of Eq. 4/5, scaled to at most 1, beside a perfect service's 1."""
-
     threshold: float = 0.5
     """Manual threshold on the total issue score, which is counted beside the detector."""
 
-    guidance: guidance.GuidanceSettings = field(default_factory=guidance.GuidanceSettings)
-    """What the robot is told about its evenness."""
+    method: Any = "penalty"
+    """The way to serve: NAME, NAME@STRENGTH or an object, see ``methods.registry``."""
 
-    rival: str = "none"
-    """Another published way to evenness instead, see ``rivals``."""
-
-    rival_strength: float | None = None
-    """Its main setting, see ``rivals.STRENGTH``; none means its default."""
-
-    unaware: bool = False
-    """Hide from the policy whom it serves."""
+    tau: tuple[float, ...] = rewards.TAU["equal"]
+    """Weight of each issue, in evenness and in self-reflection; all alike by default."""
 
     reflect: bool = True
     """Examine every update along the bias gradient."""
@@ -73,66 +63,46 @@ class TrainSettings:
     policy: PolicySettings = field(default_factory=PolicySettings)
     """The network."""
 
-    task: task.TaskSettings = field(default_factory=task.TaskSettings)
-    """How often it decides."""
-
-    sense: sensing.SenseSettings = field(default_factory=sensing.SenseSettings)
-    """The distance sensor."""
-
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
             raise unknown("preset", self.preset, PRESETS)
-        self.world  # noqa: B018 - a wrong scenario or population is said at once
-        if self.sense.perception:
-            raise InputError(
-                f"sense.perception is {self.sense.perception}: how sensing depends on the person "
-                "is said by the scenario, so name the scenario perception instead"
-            )
+        object.__setattr__(self, "method", registry.as_method(self.method))
+        object.__setattr__(self, "tau", self._tau())  # a wrong scenario is said here, too
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
         whole("people", self.people, 2, 10_000)
-        if not 0.0 <= self.evenness_weight < np.inf:
-            raise InputError(f"evenness_weight is {self.evenness_weight}: give 0 or more")
         if not 0.0 <= self.threshold < np.inf:
             raise InputError(f"threshold is {self.threshold}: give 0 or more")
 
-    @property
-    def world(self) -> scenarios.Scenario:
-        """The scenario, with the population that was chosen."""
-        found = scenarios.scenario(self.scenario)
-        return found if self.population is None else replace(found, population=self.population)
+    @cached_property
+    def world(self) -> worlds.World:
+        """Of the scenario, with the population that was chosen."""
+        return worlds.scenario(self.scenario, self.population)
 
-    @property
-    def sensor(self) -> sensing.SenseSettings:
-        """The distance sensor in this scenario."""
-        return replace(self.sense, perception=self.world.perception)
+    def elsewhere(self, scenario: str | None, population: str | None) -> worlds.World:
+        """Where to test what was trained; what is None is as in training."""
+        if scenario is None:
+            scenario, population = self.scenario, population or self.population
+        return worlds.scenario(scenario, population)
 
-    @property
-    def needs(self) -> needs.NeedSettings:
-        """Who needs another service in this scenario."""
-        return needs.NeedSettings(self.world.needs)
+    def _tau(self) -> tuple[float, ...]:
+        issues = self.world.scheme.issue_names
+        if tuple(self.tau) == rewards.TAU["equal"]:
+            return (1.0,) * len(issues)
+        if len(self.tau) != len(issues):
+            raise InputError(
+                f"tau is {self.tau}, and scenario {self.scenario!r} has {len(issues)} issues "
+                f"({', '.join(issues)}): leave tau out, and they weigh alike"
+            )
+        return tuple(rewards.check_tau(self.tau, len(issues)).tolist())
 
     def _check_method(self) -> None:
-        if self.rival != "none":
-            methods.strong(self.rival, self.rival_strength)
-        elif self.rival_strength is not None:
-            raise InputError("rival_strength is given without a rival: name one, or leave it out")
-        kind = self.guidance.kind
-        if self.rival != "none" and kind != "none":
+        if self.preset == "paper" and not hasattr(self.method, "alone"):
+            name = registry.name_of(self.method)
             raise InputError(
-                f"guidance {kind} and the rival {self.rival} are two ways to evenness: choose one"
-            )
-        if self.preset == "paper" and (self.rival != "none" or kind in guidance.SERVICE_KINDS):
-            method = kind if self.rival == "none" else self.rival
-            raise InputError(
-                f"preset paper rewards Eq. 4/5 and nothing else, and {method} is added to a "
-                "service reward: choose the preset service"
-            )
-        if self.preset == "paper" and kind == "none":
-            raise InputError(
-                "preset paper rewards Eq. 4/5 and nothing else, so guidance none rewards nothing: "
-                "choose score or penalty, or the preset service"
+                f"preset paper rewards Eq. 4/5 and nothing else, and {name} needs a service "
+                "reward: choose score or penalty, or the preset service"
             )
         if self.preset == "paper" and self.world.tips:
             raise InputError(
@@ -144,7 +114,7 @@ class TrainSettings:
 def settings_of(
     name: str,
     algorithm: str,
-    kind: str,
+    method: Any,
     *,
     seed: int = 0,
     epochs: int = 300,
@@ -155,7 +125,7 @@ def settings_of(
     Args:
         name: paper or service.
         algorithm: reinforce or ppo.
-        kind: of guidance, one of ``guidance.KINDS``.
+        method: its name, with a strength perhaps, or the method.
         seed: of the run.
         epochs: updates.
         population: where people are drawn from; that of the scenario by default.
@@ -170,6 +140,6 @@ def settings_of(
         seed=seed,
         epochs=epochs,
         population=population,
-        guidance=guidance.guided(kind),
+        method=method,
         update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
     )

@@ -16,19 +16,22 @@ import numpy as np
 
 from evenhand.core import forks
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond import guard, levelup
+from evenhand.methods import detector_file, guard, registry
+from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Interactions
-from evenhand.restaurant import floor_plan, people
-from evenhand.restaurant.simulation import layout, native, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import floor_plan, serve_people
+from evenhand.restaurant.simulation import serve
+from evenhand.restaurant.simulation.engines import takes_networks
+from evenhand.restaurant.simulation.native import Network
 from evenhand.restaurant.simulation.recording import Recording, renumbered
 from evenhand.training import advantages, imitation, reflection_gradients
-from evenhand.training.epoch import ISSUES, Epoch, judged_by
-from evenhand.training.memory import Past
+from evenhand.training.epoch import epoch_of
+from evenhand.training.memory import Memory
 from evenhand.training.observation import as_network, view
-from evenhand.training.policy import Actor, ActorCritic, state_values
+from evenhand.training.policy import ActorCritic, of_networks, respond, state_values
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import Anchor, LearnerState, Trajectories, make_learner, update
 
@@ -42,7 +45,7 @@ class EpochRecord:
         numbers: everything that is counted, by name; None where it is missing.
         interactions: its services.
         state: the learner after the update.
-        past: what the next epoch has to remember beside it.
+        memory: what the next epoch has to remember beside it.
         rng: state of the generator where the next epoch begins.
         seen: what was to be seen of its services, if they were recorded.
     """
@@ -51,7 +54,7 @@ class EpochRecord:
     numbers: dict[str, Any]
     interactions: Interactions
     state: LearnerState
-    past: Past
+    memory: Memory
     rng: Mapping[str, Any]
     seen: Recording | None = None
 
@@ -59,7 +62,7 @@ class EpochRecord:
 def untrained(settings: TrainSettings) -> LearnerState:
     """A learner that has seen nothing."""
     rng = np.random.default_rng([settings.seed, 0])
-    return make_learner(task.OBSERVATION_SIZE, settings.policy, settings.update, rng)
+    return make_learner(settings.world.observation_size, settings.policy, settings.update, rng)
 
 
 @functools.lru_cache(maxsize=1)  # imitation takes seconds, and its result is needed twice
@@ -69,9 +72,7 @@ def begin(settings: TrainSettings) -> LearnerState:
     if world.prejudice == 0.0:
         return state
     rng = np.random.default_rng([settings.seed, 2])
-    shown = imitation.demonstrate(
-        world.prejudice, world.population, settings.task, settings.sensor, settings.needs, rng
-    )
+    shown = imitation.demonstrate(world, rng)
     seen = view(settings, np.asarray(shown.obs))
     return imitation.imitate(state, shown._replace(obs=seen), rng)
 
@@ -86,8 +87,14 @@ def anchor(settings: TrainSettings) -> Anchor | None:
 
 def robot(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
     """A policy as a robot that acts by chance, as in training."""
-    actor = Actor(policy)
-    return lambda seen, _: actor.probability(view(settings, seen))
+    probability = respond(policy)
+    return lambda seen, _: probability(view(settings, seen))
+
+
+def acting(settings: TrainSettings, policy: ActorCritic) -> serve.Robot | Network:
+    """The same as machine code where that can be had."""
+    plain = takes_networks() and of_networks(policy)
+    return as_network(settings, policy) if plain else robot(settings, policy)
 
 
 def stream(settings: TrainSettings) -> np.random.Generator:
@@ -97,12 +104,12 @@ def stream(settings: TrainSettings) -> np.random.Generator:
 
 def train(
     settings: TrainSettings,
-    detector: Detector,
+    detector: Detector | None,
     *,
     state: LearnerState | None = None,
     rng: np.random.Generator | None = None,
     first_epoch: int = 0,
-    past: Past | None = None,
+    memory: Memory | None = None,
     recorded: bool = False,
     threads: int = 1,
 ) -> Iterator[EpochRecord]:
@@ -110,11 +117,11 @@ def train(
 
     Args:
         settings: of the run.
-        detector: judges every epoch.
+        detector: judges every epoch; without one, none is called biased.
         state: where to go on from; by default the beginning of the run.
         rng: as it was then; the run's own stream by default. It runs ahead of what is yielded.
         first_epoch: number of the next epoch.
-        past: as it was then; empty by default.
+        memory: as it was then; that of the beginning by default.
         recorded: keep what was to be seen of the services.
         threads: that step the physics; results are the same on any number.
 
@@ -125,33 +132,29 @@ def train(
         InputError: as ``check_detector``, for no threads, or in a process that was forked after
             threads or JAX were used.
     """
-    check_detector(detector)
+    check_detector(detector, settings)
     state = begin(settings) if state is None else state
     rng = stream(settings) if rng is None else rng
-    past = Past.empty(settings) if past is None else past
-    near, looks_back = anchor(settings), advantages.looks_back(settings)
-    engines = native.Engines(settings.people, threads) if native.found() else None
-    lanes = Lanes(settings.people, settings.task, threads if engines is None else 1)
-    served, following = _drawn(settings, lanes, rng)
+    memory = Memory.begin(settings) if memory is None else memory
+    near, world, n = anchor(settings), settings.world, settings.people
+    engine = serve_people.engine(world, n, threads)
+    # one person more, who is not served: where Eq. 6 looks on to (S_T)
+    ahead = serve_people.draw(world, n, rng, engine, following=1)
     for number in range(first_epoch, settings.epochs):
         forks.check_jax()
         began = perf_counter()
-        before, asking = state.policy, served.setups.asking
-        if engines is None:
-            done = serve.run(lanes, served, robot(settings, before), recorded=recorded)
-        else:
-            policy = as_network(settings, before)
-            done = engines.run(served, policy, settings.task, recorded=recorded)
+        before, following = state.policy, ahead.following
+        done = engine.run(ahead.drawn, acting(settings, before), recorded=recorded)
         first = number * settings.people
         seen = None if done.seen is None else renumbered(done.seen, first)
         done = replace(done, observation=view(settings, done.observation))
         # JAX computes while Python goes on, here and after the update
         value = state_values(before, done.observation)
         served_at = perf_counter()
-        epoch = judged_by(done, asking, detector)
-        if looks_back:
-            past = advantages.remembered(settings, epoch, past)
-        taught, past = advantages.learn_from(settings, before, value, epoch, past, following)
+        epoch, watch = epoch_of(settings, done, detector, value, memory.guard, number)
+        taught, kept = advantages.learn_from(
+            settings, before, value, epoch, memory.method, following
+        )
         trajectories = Trajectories(done.observation, done.action, done.mask)
         updating_at = perf_counter()
         state, report = update(
@@ -164,73 +167,79 @@ def train(
             taught.fair,
             near,
         )
-        if not looks_back:  # then it can wait until here
-            past = advantages.remembered(settings, epoch, past)
+        memory = replace(memory, guard=watch.after, method=kept)
         examined = None
         if settings.reflect:
             examined = _examined(settings, before, state.policy, trajectories, epoch)
         drawn = rng.bit_generator.state
         if number + 1 < settings.epochs:
-            served, following = _drawn(settings, lanes, rng)
-        table = serve.record(
-            done.facts,
-            asking,
-            epoch=number,
-            scenario=settings.scenario,
-            robot=settings.update.algorithm,
-            first_service=first,
+            ahead = serve_people.draw(world, n, rng, engine, following=1)
+        table = serve_people.table(
+            done, world, settings.update.algorithm, epoch=number, first=first
         )
-        numbers = _numbers(settings, done.facts, epoch.scores, taught.even)
+        numbers = _numbers(settings, done.facts, epoch.scores, taught.evenness)
         numbers |= {
             "biased_detector": epoch.biased,
             "biased_threshold": bool(epoch.scores.total > settings.threshold),
             # -inf, which becomes a missing number, when nothing could be judged
             "probability": np.nan_to_num(epoch.verdict.probability, nan=-np.inf).max(),
-            "guard_strength": past.guard.strength,
-            "guard_weight": guard.weight(past.guard),
+            "guard_strength": memory.guard.strength,
+            "guard_weight": guard.weight(memory.guard),
         }
         numbers |= {f"update_{name}": float(x) for name, x in vars(report).items()}
         updated_at = perf_counter()
         if examined is not None:
-            found, remembered = examined.conclude(past.reflection, settings.reflection)
-            past = replace(past, reflection=remembered)
+            found, remembered = examined.conclude(memory.reflection, settings.reflection)
+            memory = replace(memory, reflection=remembered)
             numbers |= found.numbers()
         numbers |= {
             "time_serving": served_at - began,
             "time_updating": updated_at - updating_at,
             "time_reflecting": perf_counter() - updated_at,
         }
-        yield EpochRecord(number, _plain(numbers), table, state, past, drawn, seen)
+        yield EpochRecord(number, _plain(numbers), table, state, memory, drawn, seen)
 
 
-def _drawn(
-    settings: TrainSettings, lanes: Lanes, rng: np.random.Generator
-) -> tuple[serve.Drawn, layout.Setups]:
-    """The services of an epoch, and the person after them: where Eq. 6 looks on to (S_T)."""
-    population = people.population(settings.world.population)
-    setups = layout.draw(population, settings.people + 1, rng)
-    served = serve.draw(lanes, setups[:-1], rng, settings.sensor, settings.needs)
-    return served, setups[-1:]
-
-
-def check_detector(detector: Detector) -> None:
-    """Whether a detector can judge services in the restaurant.
+def shipped_detector(settings: TrainSettings) -> Detector | None:
+    """The detector that comes with Evenhand; None in a world of which it knows too little.
 
     Raises:
-        InputError: when it judges other issues or asks for them in another order, or was taught
-            with identities that nobody here has.
+        InputError: as ``check_detector``.
     """
-    if detector.issues != ISSUES:
+    found = detector_file.load(detector_file.SHIPPED)
+    known = {*found.issues} <= {*settings.world.scheme.issue_names}
+    chosen = found if known and {*found.identities} & {*settings.world.scheme.names} else None
+    check_detector(chosen, settings)
+    return chosen
+
+
+def check_detector(detector: Detector | None, settings: TrainSettings) -> None:
+    """Whether a detector can judge services in the world of a run.
+
+    Raises:
+        InputError: when it judges other issues, was taught with identities that nobody there has,
+            or there is none and the guidance asks for its verdicts.
+    """
+    scheme = settings.world.scheme
+    if detector is None:
+        if registry.VERDICT in registry.needs_of(settings.method):
+            raise InputError(
+                f"method {registry.name_of(settings.method)} asks a detector, and the one that "
+                "comes with Evenhand does not know the issues or identities of scenario "
+                f"{settings.scenario!r}: fit one, or choose a method that asks none, such as "
+                "levelup"
+            )
+        return
+    if not {*detector.issues} <= {*scheme.issue_names}:
         raise InputError(
             f"the detector judges {', '.join(detector.issues)}, and training scores "
-            f"{', '.join(ISSUES)}, in this order: fit a detector to judgements of these issues"
+            f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues"
         )
-    known = [identity.name for identity in people.IDENTITIES]
-    if not detector.identities or not {*detector.identities} <= {*known}:
+    if not {*detector.identities} & {*scheme.names}:
         raise InputError(
             f"the detector was taught with {', '.join(detector.identities) or 'no identity'}, and "
-            f"people in the restaurant have {', '.join(known)}: fit a detector to judgements of "
-            "these identities"
+            f"people in scenario {settings.scenario!r} have {', '.join(scheme.names)}: fit a "
+            "detector to judgements of these identities"
         )
 
 
@@ -242,10 +251,10 @@ def _examined(
     epoch: Epoch,
 ) -> reflection_gradients.Examination:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""
-    tau, exact = settings.guidance.tau, levelup.CreditSettings(shrink=0.0)
-    influence = levelup.influence(epoch.x, epoch.inside, tau, settings=exact)
+    scheme, tau = settings.world.scheme, settings.tau
+    found = influence(epoch.x, epoch.inside, tau, settings=CreditSettings(shrink=0.0))
     return reflection_gradients.examine(
-        before, after, trajectories, influence, people.GROUPS, ISSUES, tau
+        before, after, trajectories, found, scheme.groups, scheme.issue_names, tau
     )
 
 

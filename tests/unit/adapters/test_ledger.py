@@ -5,7 +5,6 @@ import pytest
 
 from evenhand.adapters import JudgeSettings, Ledger
 from evenhand.core.errors import InputError
-from evenhand.methods import guidance
 from evenhand.methods.beyond.levelup import CreditSettings
 from evenhand.methods.guidance import GuidanceSettings
 from evenhand.methods.paper import detector
@@ -142,7 +141,7 @@ class TestGuidance:
     def test_a_batch_is_paid_as_its_services_one_by_one(self):
         rng = np.random.default_rng(1)
         rows = rng.integers(0, 2, (3, 60))
-        chosen = JudgeSettings(7, guidance.guided("influence", 1.0))
+        chosen = JudgeSettings(7, "influence@1")
         one, whole = Ledger(SCHEME, chosen), Ledger(SCHEME, chosen)
         singly = [add(one, *(rows[:, [i]]))[0] for i in range(60)]
         together = add(whole, *rows)
@@ -164,7 +163,7 @@ class TestGuidance:
     ("make", "said"),
     [
         (lambda: JudgeSettings(1), "services is 1: give a whole number from 2"),
-        (lambda: JudgeSettings(guidance=guidance.guided("surgery")), "'surgery' works on the grad"),
+        (lambda: JudgeSettings(method="surgery"), "'surgery' works on the grad"),
         (lambda: JudgeSettings(evenness_weight=-1.0), "evenness_weight is -1.0: give 0 or more"),
         (lambda: settings(tau={"late": 1.0}), "tau has no weight for issue 'loud'"),
         (lambda: settings(tau={"lat": 1.0}), "unknown issue in tau 'lat': did you mean 'late'"),
@@ -176,7 +175,7 @@ class TestGuidance:
         ),
         (lambda: settings(guidance=GuidanceSettings()), "penalty asks for a verdict: give a det"),
         (
-            lambda: settings(guidance=guidance.guided("levelup", when="biased")),
+            lambda: settings(guidance=guided("levelup", when="biased")),
             "when='biased' asks for a verdict: give a detector",
         ),
     ],

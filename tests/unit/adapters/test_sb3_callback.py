@@ -19,7 +19,6 @@ from evenhand.adapters import (
 )
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import ReflectionSettings
-from evenhand.methods.guidance import GuidanceSettings, guided
 from support import toys
 from support.extras import wanted
 
@@ -105,7 +104,7 @@ def test_it_writes_down_what_a_plain_loop_sees():
 def test_learning_is_the_same_on_one_vector_environment_as_on_many_single_ones(algorithm):
     found = []
     for env in (restaurant(3, scaled=False), DummyVecEnv([RestaurantEnv] * 3)):
-        callback = EvennessCallback(SCHEME, facts_of, settings=JudgeSettings(5, guided("score")))
+        callback = EvennessCallback(SCHEME, facts_of, settings=JudgeSettings(5, "score@1"))
         chosen: dict[str, Any] = {"n_steps": 40} | SMALL
         if algorithm is PPO:
             chosen |= {"batch_size": 60, "n_epochs": 2}
@@ -126,9 +125,7 @@ def test_learning_is_the_same_on_one_vector_environment_as_on_many_single_ones(a
 @pytest.mark.parametrize("kind", ["score", "levelup"])
 def test_what_evenness_pays_stands_at_the_ends_of_services_and_in_their_advantages(kind):
     before, after = Beside(), Beside()
-    callback = EvennessCallback(
-        toys.SCHEME, toys.facts_of, settings=JudgeSettings(4, guided(kind, 1.0))
-    )
+    callback = EvennessCallback(toys.SCHEME, toys.facts_of, settings=JudgeSettings(4, f"{kind}@1"))
     env = DummyVecEnv([toys.Toy] * 3)
     model = ppo(env, gamma=0.9, gae_lambda=0.8)
     model.learn(16 * 3 * 4, CallbackList([before, callback, after]))
@@ -308,7 +305,7 @@ def short_facts(ended):
     ids=["dict", "discrete", "several", "continuous", "noise that depends on the state"],
 )
 def test_other_observations_and_actions(env, policy, options):
-    callback = EvennessCallback(SHORT, short_facts, settings=JudgeSettings(4, guided("score")))
+    callback = EvennessCallback(SHORT, short_facts, settings=JudgeSettings(4, "score@1"))
     model = A2C(policy, DummyVecEnv([env] * 3), n_steps=16, **(SMALL | options))
     model.learn(16 * 3 * 4, callback)
     assert len(callback.reflections) == 4
@@ -363,11 +360,9 @@ class TestWrongInput:
 
     def test_surgery_and_a_penalty_without_a_detector(self):
         with pytest.raises(InputError, match="surgery"):
-            JudgeSettings(guidance=GuidanceSettings("surgery"))
+            JudgeSettings(method="surgery")
         with pytest.raises(InputError, match="give a detector"):
-            EvennessCallback(
-                toys.SCHEME, toys.facts_of, settings=JudgeSettings(guidance=guided("penalty"))
-            )
+            EvennessCallback(toys.SCHEME, toys.facts_of, settings=JudgeSettings(method="penalty"))
 
     def test_facts_that_make_no_sense_are_named(self):
         def wrong(ended):

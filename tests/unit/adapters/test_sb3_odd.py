@@ -10,7 +10,6 @@ import pytest
 from evenhand.adapters import Fact, Identity, JudgeSettings, Ledger, Scheme, own_issue
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import ReflectionSettings
-from evenhand.methods.guidance import guided
 from support import ledgers
 from support.extras import wanted
 
@@ -173,7 +172,7 @@ def test_learning_that_was_broken_off_goes_on_with_its_services():
 
 
 def test_many_services_of_one_rollout_are_paid_by_their_own_windows():
-    settings = JudgeSettings(600, guided("levelup", 1.0))
+    settings = JudgeSettings(600, "levelup@1")
 
     def told(ended):
         late = rng.random(len(ended)) < np.where(ended.lane == 0, 0.1, 0.4)

@@ -19,7 +19,6 @@ from evenhand.adapters import (
     own_issue,
 )
 from evenhand.core.errors import InputError
-from evenhand.methods.guidance import guided
 from support import toys
 from support.toys import plainly
 
@@ -69,7 +68,7 @@ def test_one_environment_that_goes_on_with_its_array_and_dict(kind):
         first, last = ended.first_info("inner.battery"), ended.observation[:, 0]
         return {"who": ended.info("inner.who"), "first": first, "last": last}
 
-    env = JudgeServices(Own(), SCHEME, told, settings=JudgeSettings(guidance=guided(kind)))
+    env = JudgeServices(Own(), SCHEME, told, settings=JudgeSettings(method=kind))
     for _ in range(5):
         env.reset()
         while not env.step(0)[2]:
@@ -228,7 +227,7 @@ class Numbered(Own):
 def test_a_reset_of_some_lanes_leaves_the_beginnings_of_the_others(mode, kind):
     told = facts_of(lambda ended: ended.first_info("number"), lambda ended: ended.info("number"))
     envs = SyncVectorEnv([Numbered] * 3, autoreset_mode=mode)
-    settings = JudgeSettings(5, guided(kind))
+    settings = JudgeSettings(5, kind)
     env = JudgeVectorServices(envs, SCHEME, told, settings=settings)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -250,7 +249,7 @@ def test_a_reward_in_an_array_is_a_number(kind):
             return seen, np.full(self.number and 1, reward), *rest  # type: ignore[return-value]
 
     totals = facts_of(lambda ended: ended.steps, lambda ended: ended.reward)
-    env = JudgeServices(Listed(), SCHEME, totals, settings=JudgeSettings(2, guided(kind)))
+    env = JudgeServices(Listed(), SCHEME, totals, settings=JudgeSettings(2, kind))
     for _ in range(6):
         env.reset()
         while not env.step(0)[2]:

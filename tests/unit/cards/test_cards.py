@@ -26,7 +26,7 @@ from evenhand.training.settings import settings_of
 
 RNG = np.random.default_rng(5)
 N = 600
-CODES = np.stack([RNG.integers(0, len(one.categories), N) for one in people.IDENTITIES], axis=1)
+CODES = np.stack([RNG.integers(0, len(one.groups), N) for one in people.IDENTITIES], axis=1)
 DISABLED = CODES[:, 3] == 0
 ANSWERED = np.where(DISABLED, RNG.random(N) < 0.6, RNG.random(N) < 0.95)
 
@@ -35,7 +35,7 @@ def services(codes: np.ndarray, answered: np.ndarray) -> Interactions:
     """Services that are perfect where there was a response."""
     n = len(codes)
     return Interactions.build(
-        {one.name: (codes[:, i], one.categories) for i, one in enumerate(people.IDENTITIES)},
+        {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": answered,
             "response_step": np.ma.array(np.full(n, 100), mask=~answered),

@@ -1,8 +1,9 @@
 """A callback for PPO and A2C: writes services down, pays for evenness, examines every update.
 
-A rollout is what an epoch is in the paper: when it is over, its services are scored in windows,
-each is paid by its own window where that is over too (else by the one before), advantages are
-computed anew, and the update follows. When the next rollout begins, the update is examined along
+A rollout is what an epoch is in the paper. A method that can pay before an epoch is over (``pay``)
+pays each service by its window where that is over too, else by the one before; every other method
+is taught the services of the rollout and gives their rewards or advantages. Then the update
+follows. When the next rollout begins, the update is examined along
 the bias gradient of the services that ended in this one. Of a service that began in the rollout
 before, the decisions of this rollout count. A service whose beginning was not seen is left out.
 """
@@ -10,6 +11,7 @@ before, the decisions of this rollout count. A service whose beginning was not s
 # pyright: reportMissingImports=false
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +28,10 @@ from evenhand.adapters.judging import Judging
 from evenhand.adapters.ledger import Ledger
 from evenhand.adapters.sampler import Sampler
 from evenhand.adapters.sb3.gradients import Weights, examine, weights_of
+from evenhand.core import tree
 from evenhand.core.errors import InputError
-from evenhand.methods.beyond import levelup, reflection
+from evenhand.methods.beyond import reflection
+from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.beyond.reflection import Directions, Reflection, ReflectionSettings
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import count, scores_of
@@ -112,6 +116,7 @@ class EvennessCallback(BaseCallback):
         if reflect is not None:
             self._past = reflection.Past.empty(len(scheme.identities), len(scheme.issues), reflect)
         self._lanes = 0
+        self._saved: Mapping[str, np.ndarray] | None = None
         self._ends: list[_End] | None = None
         self._left: Any = None
         self._pending: _Rollout | None = None
@@ -120,6 +125,29 @@ class EvennessCallback(BaseCallback):
     def ledger(self) -> Ledger:
         """All services that have ended, with verdicts, rows and what was paid."""
         return self._judging.ledger
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What a checkpoint of guided training needs beside the model, for ``np.savez``.
+
+        Take it when ``learn`` has returned; episodes under way are not in it.
+        """
+        past = {} if self._reflect is None else tree.leaves(self._past, "reflection")
+        return self._judging.state() | past
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on in the next ``learn`` where another callback of the same settings stood.
+
+        Args:
+            state: what its `state` gave; an opened ``.npz`` file will do.
+
+        Raises:
+            InputError: now or when learning begins, when it was of other settings.
+        """
+        if self._reflect is not None:
+            self._past = tree.fill(self._past, dict(state), "reflection")
+        self._saved, self._lanes = dict(state), 0
+        if self._judging.queue is None:
+            self._judging.restore(self._saved)
 
     @property
     def examined(self) -> Examined:
@@ -150,6 +178,8 @@ class EvennessCallback(BaseCallback):
         lanes = self.training_env.num_envs
         if not self._lanes:
             self._judging = Judging(lanes, *self._parts)
+            if self._saved is not None:
+                self._judging.restore(self._saved)
         elif lanes != self._lanes:
             raise InputError(
                 f"the callback has watched {self._lanes} environments and is given {lanes}: make a "
@@ -206,9 +236,13 @@ class EvennessCallback(BaseCallback):
         if not self._ends:
             return
         first = len(self.ledger)
-        paid = self._judging.write(*_columns(self._ends), afterwards=True)
+        guide, columns = self.ledger.guide, _columns(self._ends)
+        taught = self.ledger.guided and not guide.looks_ahead
+        paid = self._judging.write(*columns, afterwards=True, later=taught)
         model: Any = self.model
         buffer = model.rollout_buffer
+        if taught:
+            paid = self._teach(buffer, first)
         if paid.any():
             at = ([end.step for end in self._ends], [end.lane for end in self._ends])
             buffer.rewards[at] += paid
@@ -221,8 +255,8 @@ class EvennessCallback(BaseCallback):
         self.logger.record("evenness/services", len(self.ledger))
         self.logger.record("evenness/paid", float(paid.mean()))
         if self._reflect is not None:
-            exact = levelup.CreditSettings(shrink=0.0)
-            influence = levelup.influence(x, inside, self._tau, settings=exact)
+            exact = CreditSettings(shrink=0.0)
+            found = influence(x, inside, self._tau, settings=exact)
             seen = buffer.observations
             self._pending = _Rollout(
                 weights_of(model.policy),
@@ -230,8 +264,39 @@ class EvennessCallback(BaseCallback):
                 dict(seen) if isinstance(seen, dict) else seen,
                 buffer.actions,
                 _services(self._ends, buffer.rewards.shape),
-                Directions.of(influence, scheme.groups, scheme.issue_names, self._tau),
+                Directions.of(found, scheme.groups, scheme.issue_names, self._tau),
             )
+
+    def _teach(self, buffer: Any, first: int) -> np.ndarray:
+        """Teach the method the services of the rollout, all their decisions in it.
+
+        Decisions of services that have not ended keep their advantages.
+
+        Args:
+            buffer: of the rollout; advantages that the method gives are written into it.
+            first: of these services in the ledger.
+
+        Returns:
+            What is added to their rewards, [n].
+        """
+        ends, guide = self._ends or [], self.ledger.guide
+        lane = np.array([end.lane for end in ends])[:, None]
+        stop = np.array([end.step + 1 for end in ends])[:, None]
+        begin = np.maximum(0, stop - np.array([end.steps for end in ends])[:, None])
+        at = begin + np.arange(int((stop - begin).max()))
+        mask = at < stop
+        advantage = np.where(mask, buffer.advantages[np.minimum(at, stop - 1), lane], 0.0)
+        reward = np.array([end.reward for end in ends])
+        x, inside = self.ledger.rows(first)
+        epoch, watch = guide.epoch(x, inside, reward, mask.astype(float), advantage.astype(float))
+        given = guide.teach(epoch, watch)
+        if given.advantages is not None:
+            lanes = np.broadcast_to(lane, at.shape)
+            buffer.advantages[at[mask], lanes[mask]] = given.advantages[mask]
+            return np.zeros(len(reward))
+        paid = given.added(reward)
+        self.ledger.pay(paid)
+        return paid
 
     def _on_training_end(self) -> None:
         self._look_back()

@@ -13,8 +13,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.core.processes import Stage, Task, Tell, run_all
@@ -22,23 +20,18 @@ from evenhand.experiments import provenance
 from evenhand.experiments.comparison import earlier as compare_earlier
 from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import (
-    ARMS,
     NO_ALGORITHM,
     Cell,
     CompareSettings,
     checked,
+    learns,
     method_of,
     place,
 )
 from evenhand.experiments.settings import TEST_SEED
-from evenhand.methods import detector_file
-from evenhand.methods.guidance import SERVICE_KINDS
-from evenhand.methods.services import Interactions
 from evenhand.report.table import write
-from evenhand.restaurant import people, robots, scenarios
-from evenhand.restaurant.simulation import layout, serve
-from evenhand.restaurant.simulation.lanes import Lanes
-from evenhand.training import checkpoint, evaluate, run_folder, train
+from evenhand.restaurant import worlds
+from evenhand.training import evaluate, run_folder, train
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -56,8 +49,10 @@ def compare(
             or holds another experiment, or runs of other versions.
     """
     fixed = {"epochs": settings.epochs, "services": settings.services}
-    for cell in settings.cells():
-        training_of(cell, settings.epochs)  # a wrong strength is said before anything is written
+    for cell in settings.cells():  # what is wrong is said before anything is written
+        chosen = training_of(cell, settings.epochs)
+        if cell.arm == "reference":
+            chosen.world.robot_to_compare_with()
     earlier = None
     if settings.earlier is not None:
         prints = partial(fingerprint_of, epochs=settings.epochs)
@@ -111,43 +106,22 @@ def compare(
 
 
 def training_of(cell: Cell, epochs: int) -> TrainSettings:
-    """Settings of a run; for an arm that learns nothing, those of the world it serves in.
-
-    The strength of an arm is the weight of evenness beside service: ``CreditSettings.strength``
-    for Evenhand's guidance, ``evenness_weight`` for the paper's, ``rivals.STRENGTH`` for a rival.
-    """
-    method, strength = method_of(cell.arm)
-    arm = ARMS[method]
-    strength = arm.strength if strength is None else strength
-    algorithm = cell.algorithm if arm.learns else "ppo"
-    base = settings_of("service", algorithm, arm.guidance, seed=cell.seed, epochs=epochs)
-    stronger: dict[str, Any] = {}
-    if strength is not None and arm.rival != "none":
-        stronger = {"rival_strength": strength}
-    elif strength is not None and arm.guidance in SERVICE_KINDS:
-        weigh = replace(base.guidance.weigh, strength=strength)
-        stronger = {"guidance": replace(base.guidance, weigh=weigh)}
-    elif strength is not None:
-        stronger = {"evenness_weight": strength}
-    return replace(
-        base,
-        scenario=cell.scenario,
-        rival=arm.rival,
-        unaware=arm.unaware,
-        reflect=False,  # nothing here looks at it
-        **stronger,
-    )
+    """Settings of a run; for an arm that learns nothing, those of the world it serves in."""
+    method = cell.arm if learns(cell.arm) else "service"
+    algorithm = cell.algorithm if learns(cell.arm) else "ppo"
+    base = settings_of("service", algorithm, method, seed=cell.seed, epochs=epochs)
+    return replace(base, scenario=cell.scenario, reflect=False)  # nothing here looks at that
 
 
 def fingerprint_of(arm: str, epochs: int) -> str:
     """Of an arm's settings, whatever the scenario, the algorithm and the seed."""
     settings = training_of(Cell("even", "ppo", arm, 0), epochs)
-    return checkpoint.fingerprint(run_folder.as_dict(settings))
+    return run_folder.fingerprint(settings)
 
 
 def key_of(cell: Cell, epochs: int, services: int) -> str:
     """What a finished run was: under another key it does not count, and is done again."""
-    training = checkpoint.fingerprint(run_folder.as_dict(training_of(cell, epochs)))
+    training = run_folder.fingerprint(training_of(cell, epochs))
     return f"{epochs} epochs, {services} services, settings {training}"
 
 
@@ -185,17 +159,18 @@ def learn_and_serve(
     seed = TEST_SEED + cell.seed
     method, _ = method_of(cell.arm)
     biased = None
-    if ARMS[method].learns:
+    if learns(cell.arm):
+        run_folder.drop_edited(folder, settings)
         state = run_folder.execute(
             folder,
             settings,
-            detector_file.load(detector_file.SHIPPED),
+            train.shipped_detector(settings),
             progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
         )
         table = evaluate.serve_policy(state, settings, services, seed)
         biased = sum(line["biased_detector"] for line in run_folder.read_epochs(folder))
     elif method == "reference":
-        table = serve_reference(settings, services, seed)
+        table = evaluate.serve_reference(settings.world, services, seed)
     else:
         table = evaluate.serve_policy(train.begin(settings), settings, services, seed)
     files.make_folder(folder)
@@ -203,32 +178,10 @@ def learn_and_serve(
     return test, int(table.fact("steps").sum())
 
 
-def serve_reference(settings: TrainSettings, services: int, seed: int) -> Interactions:
-    """Serve people with the scripted robot that makes up for a scenario."""
-    world = settings.world
-    rng = np.random.default_rng(seed)
-    setups = layout.draw(people.population(world.population), services, rng)
-    done = serve.serve(
-        Lanes(min(evaluate.LANES, services), settings.task),
-        setups,
-        robots.reference(world),
-        rng,
-        settings.sensor,
-        settings.needs,
-    )
-    return serve.record(
-        done.facts,
-        setups.asking,
-        epoch=np.arange(services) // evaluate.WINDOW,
-        scenario=settings.scenario,
-        robot="reference",
-    )
-
-
 def surroundings(cell: Cell) -> provenance.Origin:
     """What a run depends on beside its settings: what its scenario means, and who judges."""
     return {
-        "world": provenance.world(scenarios.scenario(cell.scenario)),
+        "world": worlds.scenario(cell.scenario).described(),
         "detector": provenance.shipped_detector(),
     }
 
@@ -324,7 +277,7 @@ def write_manifest(
             "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
             "earlier": earlier.manifest if earlier else None,
             "scenarios": places,
-            "worlds": {name: provenance.world(scenarios.scenario(name)) for name in places},
+            "worlds": {name: worlds.scenario(name).described() for name in places},
             "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
             "arms": arms,
             "fingerprints": {arm: prints[arm] for arm in arms},

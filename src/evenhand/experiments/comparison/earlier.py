@@ -9,10 +9,9 @@ from typing import Any
 
 from evenhand.core import files
 from evenhand.core.errors import InputError
-from evenhand.experiments import provenance
 from evenhand.experiments.comparison.settings import Cell, checked, computed
 from evenhand.experiments.comparison.tables import METRICS, RESULTS
-from evenhand.restaurant import scenarios
+from evenhand.restaurant import worlds
 from evenhand.training import run_folder
 
 NOTED = ("version", "created", "command", "commit", "versions", "runs", "run_seconds", "earlier")
@@ -80,7 +79,7 @@ def load(
         raise _other(table, "another detector judged")
     for name in dict.fromkeys(cell.scenario for cell in results):
         world = (noted.get("worlds") or {}).get(name)
-        if world is not None and world != provenance.world(scenarios.scenario(name)):
+        if world is not None and world != worlds.scenario(name).described():
             raise _other(table, f"scenario {name} was another one")
     kept = [*NOTED, *(name for name in ("made_with",) if name in noted)]
     return Earlier(results, {name: noted[name] for name in kept})

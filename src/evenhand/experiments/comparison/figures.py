@@ -12,36 +12,44 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from evenhand.methods import registry
 from evenhand.report import figure as figures
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.table import Table, say, table
 
 Look = style.Look
-METHODS = {
+CONTROLS = {
     "reference": Look("reference robot", style.INK, "*"),
     "untrained": Look("untrained", style.GREY, "x"),
-    "service": Look("service alone", style.BLACK, "o", filled=False),
-    "score": Look("score (Eq. 4)", style.VERMILLION, "o"),
-    "penalty": Look("penalty (Eq. 5)", style.ORANGE, "s"),
-    "influence": Look("influence", style.BLUE, "^"),
-    "surgery": Look("surgery", style.SKY, "v"),
-    "levelup": Look("level-up", style.GREEN, "D"),
-    "unaware": Look("unaware", style.GREY, "s", filled=False),
-    "lagrangian": Look("PPO-Lagrangian", style.PURPLE, "^", filled=False),
-    "a_ppo": Look("A-PPO", style.PURPLE, "v", filled=False),
-    "elbert": Look("ELBERT-PO", style.PURPLE, "D", filled=False),
-    "group_dro": Look("group DRO", style.VERMILLION, "P", filled=False),
-    "ggf": Look("GGF", style.VERMILLION, "X", filled=False),
 }
-"""Evenhand's and the paper's methods are filled, the others hollow."""
 ALGORITHMS = {"ppo": ", PPO", "reinforce": ", REINFORCE"}
 _AIMS = ("corrected_total", "perfect_rate")
 _ENDS = ("", "_low", "_high")
 POOLED = "all"
 """Rows over all scenarios but even; they are no panel."""
-OWN = ("levelup", "influence", "surgery")
-"""Evenhand's own methods, the recommended one first."""
+RECOMMENDED = "levelup"
+
+
+def looks() -> dict[str, Look]:
+    """How every arm's method is drawn: the paper's and Evenhand's filled, published ones hollow."""
+    entries = [registry.entry(name) for name in registry.names()]
+    spare = style.looks([one.name for one in entries if one.colour is None], {})
+    return CONTROLS | {
+        one.name: Look(
+            one.label,
+            one.colour or spare[one.name].colour,
+            one.marker or (spare[one.name].marker if one.name in spare else "o"),
+            filled=one.filled,
+        )
+        for one in entries
+    }
+
+
+def own() -> list[str]:
+    """Evenhand's own methods, the recommended one first."""
+    found = [name for name in registry.names() if registry.entry(name).own]
+    return sorted(found, key=lambda name: name != RECOMMENDED)
 
 
 def draw_all(rows: Sequence[Mapping[str, Any]], services: int) -> list[figures.Drawn]:
@@ -85,13 +93,14 @@ def draw(data: Table, wide: bool) -> Figure:
     scenarios = data.distinct("scenario")
     columns = min(len(scenarios), 3 if wide else 1)
     lines = math.ceil(len(scenarios) / columns)
-    methods = [name for name in METHODS if name in {_method(arm) for arm in data["arm"]}]
+    known = looks()
+    methods = [name for name in known if name in {_method(arm) for arm in data["arm"]}]
     legend = 0.18 * math.ceil(len(methods) / (5 if wide else 2)) + 0.15
     figure, axes = style.panels(wide, lines, columns, (2.3 if wide else 2.5) * lines + legend)
     for place, (ax, scenario) in enumerate(zip(axes, scenarios, strict=False)):
         part = data.where(scenario=scenario)
         for method in methods:
-            _series(ax, part, method)
+            _series(ax, part, method, known[method])
         _look_closer(ax, part)
         ax.axhline(0.0, color=style.GREY, linewidth=0.8, linestyle=":")
         ax.set_title(scenario, pad=15)
@@ -103,7 +112,7 @@ def draw(data: Table, wide: bool) -> Figure:
     for ax in axes[len(scenarios) :]:
         ax.set_axis_off()
     marks = [
-        Line2D([], [], linestyle="none", label=METHODS[name].label, **METHODS[name].marks())
+        Line2D([], [], linestyle="none", label=known[name].label, **known[name].marks())
         for name in methods
     ]
     style.legend(figure, marks, wide, columns=5 if wide else 2)
@@ -114,14 +123,13 @@ def _method(arm: str) -> str:
     return arm.partition("@")[0]
 
 
-def _series(ax: Axes, part: Table, method: str) -> None:
+def _series(ax: Axes, part: Table, method: str, look: Look) -> None:
     """The strengths of a method with their intervals, joined from the least service on."""
-    look = METHODS[method]
     rows = [row for row in part.rows() if _method(row["arm"]) == method]
     rows.sort(key=lambda row: row["perfect_rate"])
     x, x_low, x_high = (np.array([100 * row[f"perfect_rate{e}"] for row in rows]) for e in _ENDS)
     y, y_low, y_high = (np.array([row[f"corrected_total{e}"] for row in rows]) for e in _ENDS)
-    front = 7 if method == OWN[0] else 6 if method in OWN else 5 if look.filled else 4
+    front = 7 if method == RECOMMENDED else 6 if method in own() else 5 if look.filled else 4
     for i, row in enumerate(rows):
         line = {"color": look.colour, "linewidth": 0.9, "alpha": 0.7, "zorder": front - 2.5}
         ax.plot([x_low[i], x_high[i]], [y[i], y[i]], **line)

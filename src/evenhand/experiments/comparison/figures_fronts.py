@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from evenhand.experiments.comparison.figures import METHODS, OWN
+from evenhand.experiments.comparison.figures import looks as looks_of
+from evenhand.experiments.comparison.figures import own
 from evenhand.report import figure as figures
 from evenhand.report import style
 from evenhand.report.read_tables import Results
@@ -42,7 +43,7 @@ def draw(data: Table, wide: bool) -> Figure:
     """The farther right, the more evenness and service together."""
     scenarios = data.distinct("scenario")
     there = data.where(algorithm="none")["method"].tolist()
-    methods = [name for name in METHODS if name in data["method"] and name not in there]
+    methods = [name for name in looks_of() if name in data["method"] and name not in there]
     columns = min(len(scenarios), 3 if wide else 1)
     lines = math.ceil(len(scenarios) / columns)
     algorithms = [name for name in data.distinct("algorithm") if name != "none"]
@@ -56,7 +57,7 @@ def draw(data: Table, wide: bool) -> Figure:
         ax.set_title(scenario)
         if place % columns == 0:
             for label, name in zip(ax.get_yticklabels(), methods, strict=True):
-                label.set_fontweight("bold" if name in OWN else "normal")
+                label.set_fontweight("bold" if name in own() else "normal")
         if place + columns >= len(scenarios):
             ax.set_xlabel("hypervolume")
     for ax in axes[len(scenarios) :]:
@@ -81,7 +82,7 @@ def _panel(ax: Axes, part: Table, methods: list[str], looks: dict[str, style.Loo
             y = methods.index(row["method"]) + float(offset)
             ax.plot([row["low"], row["high"]], [y, y], color=look.colour, linewidth=1.0)
             ax.plot(row["hypervolume"], y, **look.marks(), markersize=4)
-    ax.set_yticks(range(len(methods)), [METHODS[name].label for name in methods])
+    ax.set_yticks(range(len(methods)), [looks_of()[name].label for name in methods])
     ax.set_ylim(len(methods) - 0.5, -0.5)
     ax.locator_params(axis="x", nbins=5)
     style.bare(ax, "x")

@@ -11,7 +11,7 @@ from math import isnan, nan
 from evenhand.core.wording import NOT_DEFINED, percent, points
 from evenhand.experiments.comparison import aims
 from evenhand.experiments.comparison.aims import Verdict
-from evenhand.experiments.comparison.figures import METHODS, OWN
+from evenhand.experiments.comparison.figures import looks, own
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label, method_of
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.style import ARMS
@@ -68,9 +68,9 @@ def algorithm_label(algorithm: str) -> str:
 def judged_arms(comparison: Comparison) -> list[str]:
     """Evenhand's arms, the recommended first."""
     found: list[str] = []
-    for method in OWN:
-        own = [arm for arm in comparison.arms if method_of(arm) == method]
-        found += [method] if method in own else own
+    for method in own():
+        arms = [arm for arm in comparison.arms if method_of(arm) == method]
+        found += [method] if method in arms else arms
     return found
 
 
@@ -120,7 +120,8 @@ def _verdicts(c: Comparison, scenario: str, algorithm: str, arm: str) -> Iterato
 
 
 def _rivals(volumes: dict[str, Estimate]) -> dict[str, Estimate]:
-    return {METHODS[name].label: one for name, one in volumes.items() if name not in OWN}
+    known, ours = looks(), own()
+    return {known[name].label: one for name, one in volumes.items() if name not in ours}
 
 
 def _evenness(c: Comparison, scenario: str, algorithm: str, arm: str) -> Verdict:

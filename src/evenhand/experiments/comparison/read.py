@@ -12,7 +12,7 @@ from typing import Any
 
 from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
-from evenhand.experiments.comparison.figures import METHODS, POOLED
+from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.report.read_tables import read_table
 from evenhand.report.table import Table
 from evenhand.statistics.means import Estimate
@@ -147,7 +147,7 @@ def method_of(arm: str) -> str:
 def arm_label(arm: str) -> str:
     """The name of an arm for readers."""
     method, mark, strength = arm.partition("@")
-    return METHODS[method].label + (f", strength {strength}" if mark else "")
+    return looks()[method].label + (f", strength {strength}" if mark else "")
 
 
 def read(folder: Path) -> Comparison:
@@ -171,6 +171,6 @@ def read(folder: Path) -> Comparison:
         for name, schema in SCHEMAS.items()
     }
     for arm in tables["summary"].distinct("arm"):
-        if method_of(arm) not in METHODS:
-            raise unknown(f"arm in {folder / 'summary.csv'}", arm, METHODS)
+        if method_of(arm) not in looks():
+            raise unknown(f"arm in {folder / 'summary.csv'}", arm, looks())
     return Comparison(**tables, manifest=manifest)

@@ -1,108 +1,67 @@
 """What can be set of a comparison: arms, algorithms, runs; imports nothing heavy."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import SERVICES, WORKERS
+from evenhand.methods import registry
 
 SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
-"""All scenarios, as ``scenarios`` knows them."""
+"""Those of Evenhand, as ``worlds`` registers them."""
 ALGORITHMS = ("ppo", "reinforce")
 """What learns."""
 NO_ALGORITHM = "none"
 """Algorithm of an arm that learns nothing."""
 
 
-@dataclass(frozen=True)
-class Arm:
-    """One way to serve.
-
-    Attributes:
-        guidance: kind of guidance, one of ``guidance.KINDS``.
-        rival: one of ``learn.rivals``, or none.
-        unaware: hide from the policy whom it serves.
-        strength: that trades evenness for service, where it was tuned for the comparison; else the
-            method's own.
-        learns: False for what is there without learning; it is the same for every algorithm.
-    """
-
-    guidance: str = "none"
-    rival: str = "none"
-    unaware: bool = False
-    strength: float | None = None
-    learns: bool = True
-
-    @property
-    def has_strength(self) -> bool:
-        """Whether a strength trades evenness for service."""
-        return self.guidance != "none" or self.rival != "none"
+CONTROLS = ("reference", "untrained")
+"""What learns nothing: the scripted robot of ``scenarios.reference``, and the policy before
+training (in ``prejudiced``, after imitation). They are the same for every algorithm."""
+UNTUNED = ("r_ppo",)
+"""Methods whose strength nobody has tuned for the comparison (``results/tuning.csv``)."""
+ARMS = (*CONTROLS, *(name for name in registry.BUILT_IN if name not in UNTUNED))
+"""What is compared unless somebody says otherwise."""
 
 
-ARMS: Mapping[str, Arm] = {
-    "reference": Arm(learns=False),
-    "untrained": Arm(learns=False),
-    "service": Arm(),
-    "score": Arm("score", strength=2.0),
-    "penalty": Arm("penalty", strength=1.0),
-    "influence": Arm("influence"),
-    "surgery": Arm("surgery"),
-    "levelup": Arm("levelup"),
-    "unaware": Arm(unaware=True),
-    "lagrangian": Arm(rival="lagrangian", strength=0.05),
-    "a_ppo": Arm(rival="a_ppo", strength=1.0),
-    "elbert": Arm(rival="elbert", strength=0.02),
-    "group_dro": Arm(rival="group_dro", strength=0.1),
-    "ggf": Arm(rival="ggf", strength=0.9),
-}
-"""Scripted robot of ``scenarios.reference``; policy before training (in ``prejudiced``, after
-imitation); training on service alone; the paper's guidance; Evenhand's; the rivals. Strengths were
-tuned on seeds of their own (``results/tuning.csv``)."""
+def learns(arm: str) -> bool:
+    """Whether an arm learns anything."""
+    return arm not in CONTROLS
 
 
 def method_of(arm: str) -> tuple[str, float | None]:
-    """Method and strength of an arm: ``levelup@2`` is level-up at strength 2.
+    """Method, or control, and strength of an arm: ``levelup@2`` is level-up at strength 2.
 
     Raises:
-        InputError: for an unknown method, or a strength that is none.
+        InputError: for an unknown name, or a strength that is none.
     """
     name, mark, text = arm.partition("@")
-    if name not in ARMS:
-        raise unknown("arm", name, ARMS)
-    if not mark:
+    if name in CONTROLS:
+        if mark:
+            raise InputError(f"{arm}: {name} has no strength, drop @{text}")
         return name, None
-    if not ARMS[name].has_strength:
-        raise InputError(f"arm {arm}: {name} has no strength, drop @{text}")
-    try:
-        strength = float(text) + 0.0  # which makes -0.0 the other zero
-        if not isfinite(strength) or strength < 0:
-            raise ValueError
-    except ValueError:
-        raise InputError(f"arm {arm}: give a finite strength of at least 0 after the @") from None
-    return name, strength
+    if name not in registry.names():
+        hint = unknown("arm", name, (*CONTROLS, *registry.names()))
+        raise InputError(f"{hint}; the file of an own method is named by --plugin")
+    return registry.parted(arm)
 
 
 def arm_of(method: str, strength: float | None) -> str:
     """The inverse of ``method_of``: the one way in which an arm is written."""
-    if strength is None:
-        return method
-    short = f"{strength:g}"
-    return f"{method}@{short if float(short) == strength else repr(strength)}"
+    return registry.spelled(method, strength)
 
 
 def plain(arm: str) -> str:
     """An arm without a strength that it has anyway: ``levelup@5`` is ``levelup``."""
-    from evenhand.methods.guidance import STRENGTH  # brings NumPy along
-
-    method, strength = method_of(arm)
-    own = ARMS[method].strength
-    if own is None:
-        own = STRENGTH.get(ARMS[method].guidance)
-    return method if strength == own else arm_of(method, strength)
+    name, strength = method_of(arm)
+    if strength is None or strength == registry.strength_of(registry.create(name)):
+        return name
+    return arm_of(name, strength)
 
 
 @dataclass(frozen=True, order=True)
@@ -129,14 +88,14 @@ def checked(cell: Cell) -> Cell:
         InputError: for an unknown scenario, algorithm or arm, or an algorithm that does not go
             with the arm.
     """
-    from evenhand.restaurant import scenarios  # brings the physics along
+    from evenhand.restaurant import worlds  # brings the physics along
 
     method, strength = method_of(cell.arm)
-    algorithms = ALGORITHMS if ARMS[method].learns else (NO_ALGORITHM,)
+    algorithms = ALGORITHMS if learns(method) else (NO_ALGORITHM,)
     if cell.algorithm not in algorithms:
         raise unknown(f"algorithm of arm {cell.arm}", cell.algorithm, algorithms)
     arm = arm_of(method, strength)
-    return replace(cell, scenario=scenarios.ordered(cell.scenario), arm=arm)
+    return replace(cell, scenario=worlds.ordered(cell.scenario), arm=arm)
 
 
 @dataclass(frozen=True)
@@ -149,7 +108,7 @@ class CompareSettings:
     scenarios: tuple[str, ...] = SCENARIOS
     """Where unevenness comes from."""
 
-    arms: tuple[str, ...] = tuple(ARMS)
+    arms: tuple[str, ...] = ARMS
     """Ways to serve, see ``ARMS`` and ``method_of``."""
 
     algorithms: tuple[str, ...] = ALGORITHMS
@@ -174,9 +133,9 @@ class CompareSettings:
     """Processes that work at the same time."""
 
     def __post_init__(self) -> None:
-        from evenhand.restaurant import scenarios  # brings the physics along
+        from evenhand.restaurant import worlds  # brings the physics along
 
-        one_way = {"scenarios": scenarios.ordered, "arms": lambda name: arm_of(*method_of(name))}
+        one_way = {"scenarios": worlds.ordered, "arms": lambda name: arm_of(*method_of(name))}
         for kind in ("scenarios", "arms", "algorithms"):
             names = getattr(self, kind)
             one = kind.removesuffix("s")
@@ -202,8 +161,7 @@ class CompareSettings:
         for seed in range(self.first_seed, self.first_seed + self.seeds):
             for scenario in self.scenarios:
                 for arm in self.arms:
-                    learns = ARMS[method_of(arm)[0]].learns
-                    for algorithm in self.algorithms if learns else (NO_ALGORITHM,):
+                    for algorithm in self.algorithms if learns(arm) else (NO_ALGORITHM,):
                         yield Cell(scenario, algorithm, arm, seed)
 
 
@@ -217,7 +175,7 @@ def place(cell: Cell) -> tuple[object, ...]:
     return (
         rank(cell.scenario, SCENARIOS),
         rank(cell.algorithm, (NO_ALGORITHM, *ALGORITHMS)),
-        rank(method, tuple(ARMS)),
+        rank(method, (*CONTROLS, *registry.names())),
         -1.0 if strength is None else strength,
         cell.seed,
     )

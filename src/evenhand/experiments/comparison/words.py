@@ -13,9 +13,10 @@ import numpy as np
 from evenhand.core import files
 from evenhand.core.wording import NOT_DEFINED, percent
 from evenhand.experiments.comparison.aims import SIX
-from evenhand.experiments.comparison.figures import METHODS, POOLED
+from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.experiments.comparison.judged_aims import algorithm_label, interval
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label
+from evenhand.experiments.comparison.settings import UNTUNED
 from evenhand.report.table import say
 from evenhand.statistics.means import Estimate
 
@@ -117,7 +118,8 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
     lacking = [name for name in SIX if name not in c.scenarios]
     if lacking:
         yield "Scenarios not run.", f"{', '.join(lacking)}: nothing here is about them."
-    without = [METHODS[name].label for name in METHODS if name not in _methods(c)]
+    known, there = looks(), _methods(c)
+    without = [known[name].label for name in known if name not in (*UNTUNED, *there)]
     if without:
         yield "Arms not run.", f"{', '.join(without)}."
     missing = _missing(c)
@@ -128,7 +130,7 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
             "rate among nobody). They are left out, never counted as 0.",
         )
     strengths = {
-        METHODS[row["method"]].label: len(row["arms"].split()) for row in c.fronts.rows()
+        known[row["method"]].label: len(row["arms"].split()) for row in c.fronts.rows()
         if row["algorithm"] != NO_ALGORITHM
     }  # fmt: skip
     if len(set(strengths.values())) > 1:

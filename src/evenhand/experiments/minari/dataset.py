@@ -151,7 +151,7 @@ def _create(
             "synthetic": True,
             "seeds": [seed, seed + services - 1],
             "robot": server.facts,
-            "identities": {one.name: list(one.categories) for one in people.IDENTITIES},
+            "identities": {one.name: list(one.groups) for one in people.IDENTITIES},
         }
     )
 

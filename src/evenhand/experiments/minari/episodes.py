@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from evenhand.methods import registry
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
@@ -42,28 +43,24 @@ class Server:
 
 def trained(state: LearnerState, settings: TrainSettings, population: str | None = None) -> Server:
     """The robot of a run, which acts by chance as in training, in the world of its training."""
-    sensor = settings.sensor
+    world = settings.elsewhere(None, population)
+    guidance = registry.name_of(settings.method)
     step = int(state.step)
     return Server(
         name=settings.update.algorithm,
         about=(
             f"a policy trained with {settings.update.algorithm} for {step} of {settings.epochs} "
-            f"epochs (preset {settings.preset}, guidance {settings.guidance.kind}, scenario "
+            f"epochs (preset {settings.preset}, guidance {guidance}, scenario "
             f"{settings.scenario}, seed {settings.seed})"
         ),
         world={
-            "population": population or settings.world.population,
-            "interval": settings.task.interval,
-            "noise": sensor.noise,
-            "dropout": sensor.dropout,
-            "perception": sensor.perception,
-            "needs": settings.needs.strength,
+            name: getattr(world, name)
+            for name in ("population", "interval", "noise", "dropout", "perception", "needs")
         },
         robot=lambda asking, rngs: train.robot(settings, state.policy),
         facts={
             "preset": settings.preset,
-            "guidance": settings.guidance.kind,
-            "rival": settings.rival,
+            "guidance": guidance,
             "scenario": settings.scenario,
             "training_seed": settings.seed,
             "epochs_trained": step,

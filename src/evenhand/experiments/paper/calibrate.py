@@ -18,10 +18,8 @@ from evenhand.core.processes import Tell
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import count, gaps, issue_score
 from evenhand.methods.vocabulary import WINDOW
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import people, robots, worlds
+from evenhand.restaurant.serve_people import serve_people
 
 SIGNATURES = {
     "racist": (0.49, 0.25, 0.38, 0.43),
@@ -141,16 +139,12 @@ def calibrate(
 
 def measure(services: int, rng: np.random.Generator, tell: Tell) -> Pool:
     """Serve ``services`` people of the uniform population in each manner; tell of each."""
-    lanes = Lanes(240, task.TaskSettings())
-    population = people.population(POPULATION)
+    world = worlds.scenario("even", POPULATION)
     parts = []
     for manner in range(len(robots.MANNERS)):
-        setups = layout.draw(population, services, rng)
-        robot = robots.of_manners(np.full(services, manner), rng)
-        done = serve.serve(lanes, setups, robot, rng, sensing.SenseSettings())
-        facts = done.facts
-        table = serve.record(facts, setups.asking, epoch=0, scenario="even", robot="even")
-        parts.append((issues.indicators(table), facts.steps, facts.distance))
+        robot = robots.Mannered(lambda codes, _, manner=manner: np.full(len(codes), manner))
+        done = serve_people(world, robot, services, rng)
+        parts.append((world.indicators(done), done.facts.steps, done.facts.distance))
         tell(1, {})
     issue, steps, distance = (np.stack(part) for part in zip(*parts, strict=True))
     return Pool(issue, steps.astype(float), distance)
@@ -174,9 +168,9 @@ def expected_scores(
     """
     rng = np.random.default_rng(seed)
     identity = next(i for i in people.IDENTITIES if i.name == bias.identity)
-    k = len(identity.categories)
+    k = len(identity.groups)
     code = rng.integers(k, size=(windows, WINDOW))
-    worse = np.isin(code, [identity.categories.index(c) for c in bias.worse])
+    worse = np.isin(code, [identity.groups.index(c) for c in bias.worse])
     cumulative = odds.cumsum(axis=1)[np.where(worse, 0, 1)]
     u = rng.random((windows, WINDOW))
     # improper manners are ordered first here: below the first bound is "far", and so on

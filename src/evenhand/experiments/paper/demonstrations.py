@@ -15,13 +15,11 @@ from evenhand.core.processes import Task, Tell
 from evenhand.methods.paper import detector
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import IDENTITIES, SIMULATED
-from evenhand.restaurant import people, robots
-from evenhand.restaurant.scenarios import sensing
-from evenhand.restaurant.simulation import layout, serve, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant import robots, serve_people, worlds
+from evenhand.restaurant.serve_people import WINDOW
 from evenhand.statistics import detector_accuracy
 from evenhand.study.simulated import respondents
-from evenhand.training.evaluate import LANES, WINDOW, window_scores
+from evenhand.training.evaluate import window_scores
 
 KINDS = ("even", "racist", "ageist", "ableist")
 FULL_SHARE = 0.6
@@ -99,35 +97,22 @@ def serve_windows(
     rng = np.random.default_rng([seed, _SEED_DEMOS, first])
     robot, strength, sloppiness = design(windows, seed)
     services = (last - first) * WINDOW
-    setups = layout.draw(people.population(population), services, rng)
-    odds = np.concatenate(
-        [
-            robots.ScriptedRobot(KINDS[robot[w]], float(strength[w]), float(sloppiness[w])).odds(
-                setups.asking[(w - first) * WINDOW : (w - first + 1) * WINDOW]
-            )
-            for w in range(first, last)
+    world = worlds.scenario("even", population)
+
+    def choose(codes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        windows = codes.reshape(last - first, WINDOW, -1)
+        chosen = zip(robot[first:last], strength[first:last], sloppiness[first:last], strict=True)
+        odds = [
+            robots.ScriptedRobot(KINDS[kind], float(strong), float(sloppy)).odds(people)
+            for people, (kind, strong, sloppy) in zip(windows, chosen, strict=True)
         ]
-    )
-    scripted = robots.of_manners(robots.draw_manners(odds, rng), rng)
-    lanes = Lanes(min(LANES, services), task.TaskSettings())
-    done = serve.serve(lanes, setups, scripted, rng, sensing.SenseSettings())
-    tables = [
-        serve.record(
-            _rows(done.facts, slice(i * WINDOW, (i + 1) * WINDOW)),
-            setups.asking[i * WINDOW : (i + 1) * WINDOW],
-            epoch=first + i,
-            scenario="even",
-            robot=KINDS[robot[first + i]],
-            first_service=(first + i) * WINDOW,
-        )
-        for i in range(last - first)
-    ]
-    Interactions.concat(tables).write_parquet(path)
+        return robots.draw_manners(np.concatenate(odds), rng)
+
+    done = serve_people.serve_people(world, robots.Mannered(choose), services, rng)
+    names = [KINDS[kind] for kind in np.repeat(robot[first:last], WINDOW)]
+    epochs = np.repeat(np.arange(first, last), WINDOW)
+    serve_people.table(done, world, names, epoch=epochs, first=first * WINDOW).write_parquet(path)
     tell(services, {"physics_steps": int(done.facts.steps.sum())})
-
-
-def _rows(facts: serve.Facts, rows: slice) -> serve.Facts:
-    return serve.Facts(**{name: value[rows] for name, value in vars(facts).items()})
 
 
 def load(windows: int, seed: int, folder: Path) -> Demos:

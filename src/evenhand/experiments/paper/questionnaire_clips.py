@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,14 +23,14 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.core.errors import InputError
-from evenhand.experiments import footage as sources
+from evenhand.experiments import footage
 from evenhand.experiments.footage import Footage
 from evenhand.methods.paper import issues
 from evenhand.restaurant import floor_plan, people, robots
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.film import clip, motion
 from evenhand.restaurant.film.clip import Style
-from evenhand.restaurant.simulation import layout
+from evenhand.restaurant.worlds import World
 
 STYLE = Style(camera="guest", timer=False, rings=False, caption="response", before=1.0, after=2.0)
 """Nothing that tells raters what to think: no timer, no rings, no issues. A response alone cannot
@@ -89,7 +90,7 @@ SCENES = (
 """The paper's four."""
 
 _SKIN = [identity.name for identity in people.IDENTITIES].index("skin")
-_MIDDLE = people.IDENTITIES[_SKIN].categories.index("IV")
+_MIDDLE = people.IDENTITIES[_SKIN].groups.index("IV")
 
 ROLES = ("worse", "other", "even")
 """Who is treated worse, who is not, and the first person again, served by the even robot."""
@@ -121,16 +122,17 @@ def serve(seed: int, scenes: Sequence[Scene] = SCENES) -> dict[str, Footage]:
     """The services that clips are chosen from: robot -> the same people at the same places."""
     served = {}
     for one in (None, *scenes):
-        rng = np.random.default_rng(seed)
-        setups = layout.draw(people.population("uniform"), SERVICES, rng)
-        manner = np.full(SERVICES, robots.MANNERS.index("proper"))
-        if one is not None:
-            member, _ = _sides(one, setups.asking)
-            manner[member] = robots.MANNERS.index(one.manner)
-        robot = robots.of_manners(manner, rng)
         name = "even" if one is None else one.robot
-        served[name] = sources.recorded(robot, setups, rng, name)
+        robot = robots.Mannered(functools.partial(_manners, one))
+        served[name] = footage.recorded(World(name="even"), robot, SERVICES, seed, name)
     return served
+
+
+def _manners(one: Scene | None, codes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Proper, but for those whom the robot of a scenario treats worse."""
+    del rng
+    worse = np.zeros(len(codes), bool) if one is None else _sides(one, codes)[0]
+    return np.where(worse, robots.MANNERS.index("proper" if one is None else one.manner), 0)
 
 
 def choose(served: Mapping[str, Footage], scenes: Sequence[Scene] = SCENES) -> list[Choice]:
@@ -200,7 +202,7 @@ def _sides(one: Scene, codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     member, stranger = np.ones((2, len(codes)), bool)
     for column, identity in enumerate(people.IDENTITIES):
         if identity.name in one.worse:
-            meant = [identity.categories.index(name) for name in one.worse[identity.name]]
+            meant = [identity.groups.index(name) for name in one.worse[identity.name]]
             belongs = np.isin(codes[:, column], meant)
             member, stranger = member & belongs, stranger & ~belongs
     return member, stranger

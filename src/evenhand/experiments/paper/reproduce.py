@@ -14,8 +14,7 @@ from evenhand.experiments import provenance
 from evenhand.experiments.paper import claims, demonstrations, tables
 from evenhand.experiments.paper.report.build import build
 from evenhand.experiments.settings import DEMO_SEED, PRESETS, TEST_SEED, ReproduceSettings
-from evenhand.methods import detector_file
-from evenhand.methods.guidance import SERVICE_KINDS
+from evenhand.methods import detector_file, registry
 from evenhand.restaurant import replay
 from evenhand.restaurant.replay.page import read_script
 from evenhand.training import checkpoint, evaluate, recordings, run_folder
@@ -23,15 +22,15 @@ from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
 ARMS: dict[str, tuple[str, str]] = {
-    "reinforce": ("reinforce", "score"),
+    "reinforce": ("reinforce", "score@1"),
     "reinforce+guidance": ("reinforce", "penalty"),
     "reinforce+levelup": ("reinforce", "levelup"),
-    "ppo": ("ppo", "score"),
+    "ppo": ("ppo", "score@1"),
     "ppo+guidance": ("ppo", "penalty"),
     "ppo+levelup": ("ppo", "levelup"),
 }
-"""Arm -> (algorithm, kind of guidance): Eq. 4; Eq. 4 and 5; Evenhand's own, which needs a service
-reward and is therefore no arm of the preset paper."""
+"""Arm -> (algorithm, method): Eq. 4, which pays as much as a perfect service; Eq. 4 and 5;
+Evenhand's own, which needs a service reward and is therefore no arm of the preset paper."""
 _EPOCH_COLUMNS = (
     "total", "willingness", "quality", "priority", "risk", "biased_detector", "biased_threshold",
     "probability", "perfect_rate", "response_rate", "mean_response_distance",
@@ -41,8 +40,9 @@ _EPOCH_COLUMNS = (
 
 def arms_of(preset: str) -> list[str]:
     """Names of the arms of a preset, in order."""
-    added = SERVICE_KINDS if preset == "paper" else ()
-    return [arm for arm, (_, kind) in ARMS.items() if kind not in added]
+    if preset != "paper":
+        return list(ARMS)
+    return [arm for arm, (_, name) in ARMS.items() if hasattr(registry.create(name), "alone")]
 
 
 def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
@@ -116,10 +116,10 @@ def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demons
 
 def training_of(preset: str, arm: str, seed: int, epochs: int, population: str) -> TrainSettings:
     """Settings of a run."""
-    algorithm, kind = ARMS[arm]
-    settings = settings_of(preset, algorithm, kind, seed=seed, epochs=epochs, population=population)
+    algorithm, name = ARMS[arm]
+    settings = settings_of(preset, algorithm, name, seed=seed, epochs=epochs, population=population)
     # the paper's arms stay as printed, and a tenth of their time is saved
-    return replace(settings, reflect=kind in SERVICE_KINDS)
+    return replace(settings, reflect=arm not in arms_of("paper"))
 
 
 def key_of(training: TrainSettings, services: int) -> str:
@@ -247,12 +247,16 @@ def _write_tables(
     tidy: list[tables.Row] = []
     reflected: list[tables.Row] = []
     for result in results:
-        algorithm, kind = ARMS[result["arm"]]
+        algorithm, name = ARMS[result["arm"]]
         head = {name: result[name] for name in ("preset", "arm", "seed")}
         lines = run_folder.read_epochs(result["folder"])
         epochs += [
             head
-            | {"algorithm": algorithm, "guided": kind != "score", "epoch": line["epoch"]}
+            | {
+                "algorithm": algorithm,
+                "guided": not name.startswith("score"),
+                "epoch": line["epoch"],
+            }
             | {name: line[name] for name in _EPOCH_COLUMNS}
             for line in lines
         ]

@@ -98,7 +98,7 @@ def ceiling(categories: int) -> float:
 
 def signatures(demos: Demos) -> list[Row]:
     """Mean I of each biased robot's own identity at full strength, beside the paper's."""
-    sizes = {identity.name: len(identity.categories) for identity in people.IDENTITIES}
+    sizes = {identity.name: len(identity.groups) for identity in people.IDENTITIES}
     rows: list[Row] = []
     for kind in KINDS[1:]:
         identity = BIASES[kind].identity

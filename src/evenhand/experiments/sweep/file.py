@@ -8,22 +8,23 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from evenhand.core import plugins
 from evenhand.core.errors import InputError, nearest, unknown, whole
 from evenhand.core.toml_file import Mistake, Place, Table, content_of, located, text_of
 from evenhand.experiments.comparison import compare
 from evenhand.experiments.comparison.settings import (
     ALGORITHMS,
-    ARMS,
     NO_ALGORITHM,
     Cell,
     arm_of,
+    learns,
     method_of,
     plain,
 )
 from evenhand.experiments.settings import SERVICES
 from evenhand.experiments.sweep import settings as sweep_settings
 from evenhand.experiments.sweep.settings import Job, Sweep, Value, Variant
-from evenhand.restaurant import people, scenarios
+from evenhand.restaurant import people, worlds
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import UpdateSettings
 
@@ -40,7 +41,7 @@ WORLD = ("population",)
 """Of ``learn.settings.TrainSettings``."""
 SETTINGS = (*UPDATE, *POLICY, *WORLD)
 _GRID = ("scenarios", "arms", "algorithms", "seeds", "epochs", "people", "services")
-_KEYS = (*_GRID, "settings", "runs")
+_KEYS = ("plugin", *_GRID, "settings", "runs")
 _SEEDS = (0, 100_000)
 _COUNTS = (1, 1000)
 
@@ -52,10 +53,22 @@ def examine(path: str | os.PathLike[str]) -> tuple[Sweep | None, list[Mistake]]:
     if isinstance(content, Mistake):
         return None, [content]
     wrong: list[tuple[Place, str]] = []
-    jobs = _jobs(Table(content, (), wrong))
+    top = Table(content, (), wrong)
+    _load_plugins(top, Path(path).parent)
+    jobs = _jobs(top)
     if not wrong:
         return Sweep(tuple(jobs), text), []
     return None, located(text, wrong, _key)
+
+
+def _load_plugins(top: Table, folder: Path) -> None:
+    """Files that the sweep names, beside its own, add methods and scenarios to it."""
+    given = top.get("plugin")
+    for name in [] if given is None else given if isinstance(given, list) else [given]:
+        try:
+            plugins.load_plugin(folder / _text("plugin", name))
+        except InputError as error:
+            top.note("plugin", str(error))
 
 
 def _key(place: Place) -> str:
@@ -117,8 +130,7 @@ def _grid(values: dict[str, tuple[Any, ...]], learner: dict[str, tuple[Any, ...]
         differs = tuple(sorted(one for one in chosen if one[1] != _default(one[0])))
         variant = Variant(epochs, served, services, differs)
         for scenario, arm, seed in product(values["scenarios"], values["arms"], values["seeds"]):
-            learns = ARMS[method_of(arm)[0]].learns
-            for algorithm in values["algorithms"] if learns else (NO_ALGORITHM,):
+            for algorithm in values["algorithms"] if learns(arm) else (NO_ALGORITHM,):
                 yield Job(variant, Cell(scenario, algorithm, arm, seed))
 
 
@@ -200,7 +212,7 @@ def _name(kind: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def _scenario(value: Any) -> str:
-    return scenarios.ordered(_text("scenario", value))
+    return worlds.ordered(_text("scenario", value))
 
 
 def _arm(value: Any) -> str:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evenhand.core import files
+from evenhand.core import files, plugins
 from evenhand.core.errors import InputError
 from evenhand.core.processes import RETRIES, Event, Outcome, one_thread
 from evenhand.experiments.sweep.files import Keeper
@@ -177,6 +177,7 @@ class RayCluster:
             "jobs": list(jobs),
             "keeper": keeper,
             "versions": self.versions,
+            "plugins": plugins.texts(),
             "pause": max(1.0, workers / 100),
         }
         silent = contextlib.redirect_stdout(io.StringIO())  # Tune has its own idea of progress

@@ -9,6 +9,7 @@ from typing import Any
 
 from evenhand.core import files
 from evenhand.core.errors import InputError
+from evenhand.core.plugins import load_texts
 from evenhand.experiments.sweep import runs
 from evenhand.experiments.sweep.files import Carrier
 from evenhand.experiments.sweep.settings import Job
@@ -20,6 +21,7 @@ def attempt(
     jobs: Sequence[Job],
     keeper: Any,
     versions: dict[str, str],
+    plugins: dict[str, str],
     pause: float,
 ) -> None:
     """One attempt of a run, on whichever machine.
@@ -32,6 +34,7 @@ def attempt(
         jobs: all of them.
         keeper: handle of the ``Keeper`` beside the driver.
         versions: that this machine needs.
+        plugins: files with methods and scenarios, by name.
         pause: seconds between two reports of progress.
     """
     import ray
@@ -40,12 +43,18 @@ def attempt(
     job = jobs[config["index"]]
     tune.report({"place": ray.util.get_node_ip_address()})
     with tempfile.TemporaryDirectory(prefix="evenhand-") as scratch:
-        failure = _performed(job, Path(scratch) / "run", keeper, versions, _slowly(pause))
+        folder = Path(scratch) / "run"
+        failure = _performed(job, folder, keeper, versions, plugins, _slowly(pause))
     tune.report({"failure": failure})
 
 
 def _performed(
-    job: Job, folder: Path, keeper: Any, versions: dict[str, str], tell: Callable[[int], None]
+    job: Job,
+    folder: Path,
+    keeper: Any,
+    versions: dict[str, str],
+    plugins: dict[str, str],
+    tell: Callable[[int], None],
 ) -> str | None:
     """Do a job in a folder and send what it makes; returns why it failed, if it did."""
     import ray
@@ -55,6 +64,7 @@ def _performed(
         differs = files.differences(run_folder.versions(), versions)
         if differs:  # a machine that came later
             raise InputError(f"this machine has other versions ({differs})")
+        load_texts(plugins)
         number, held = ray.get(keeper.begin.remote(str(job.path)))
         carrier = Carrier(
             folder, lambda *what: ray.get(keeper.keep.remote(str(job.path), number, *what))

@@ -1,299 +1,22 @@
-"""Credit: how much each service of an epoch moves the gaps between groups, and what that is worth.
+"""Level-up: an issue of somebody in a worse-off group costs more, and no issue is ever paid for.
 
-A reward that is the same for everybody is lost when advantages are normalised, so credit has to
-reach the single service. Pure arrays, with the shapes of ``issues``: n services of the current
-epoch, G groups, K issues.
-
-Rates, signs and noise come from counts pooled over the last epochs (30 services alone say little
-about 22 groups), but only services of the current epoch get weights, and these are divided by the
-numbers of the current epoch. This is the right scale: 1/n_g times the sum over the n_g current
-services of (x - b) ∇log π estimates ∇p(g), so every epoch gives the whole gradient for the policy
-that acted in it. Divided by the pooled number it would come out as many times too small as there
-are windows.
-
-A pooled rate is a less noisy baseline b. For an issue that everybody can have any b is unbiased.
-For one of responses only (quality, priority), whose rate is E[x a] / E[a] with a = 1 for a
-response, b ≠ p leaves (p − b) ∇log E[a]: while rates change from epoch to epoch, pooling also pulls
-a little at how often the robot responds. ``windows=1`` has no such pull, and more noise.
+Pure arrays, with the shapes of ``issues``: n services, G groups, K issues.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 
-from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods.paper.scores import Counts, count, signed_gaps
-
-OBJECTIVES = ("gap", "squared")
-
-
-@dataclass(frozen=True)
-class CreditSettings:
-    """How much evenness weighs, and which gaps may steer."""
-
-    strength: float = 1.0
-    """μ: weight of evenness beside a service reward of about 1."""
-
-    windows: int = 8
-    """Epochs, the current one included, whose counts are pooled."""
-
-    shrink: float = 0.5
-    """A gap counts only beyond so many standard errors; 0 lets chance gaps steer too."""
-
-    objective: Literal["gap", "squared"] = "gap"
-    """gap: the printed score, whose pull stays the same until a gap is closed. squared: squared
-    gaps, whose pull fades with the gap, so that a sign that flips by chance hardly matters."""
-
-    def __post_init__(self) -> None:
-        if self.objective not in OBJECTIVES:
-            raise unknown("objective", self.objective, OBJECTIVES)
-        whole("windows", self.windows, 1, 1_000)
-        for name in ("strength", "shrink"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}: give a finite number from 0 up")
-
-
-# --- pooling -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Counts of the last epochs.
-
-    Attributes:
-        windows: inside_n, inside_x, outside_n, outside_x of each epoch, the newest last,
-            [W, G, K, 4]; zeros where there was no epoch yet.
-        filled: epochs that it holds, 0 to W.
-    """
-
-    windows: np.ndarray
-    filled: int = 0
-
-    @classmethod
-    def empty(cls, windows: int, groups: int, issues: int) -> Memory:
-        """A memory of nothing, with places for W epochs."""
-        whole("windows", windows, 1, 1_000)
-        return cls(np.zeros((windows, groups, issues, 4)))
-
-    def plain(self) -> dict[str, Any]:
-        """As JSON can hold it, exactly."""
-        return {"windows": self.windows.tolist(), "filled": self.filled}
-
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Memory:
-        """Back from `plain`."""
-        return cls(np.array(plain["windows"], float), int(plain["filled"]))
-
-
-def remember(memory: Memory, counts: Counts) -> Memory:
-    """The memory after one more epoch; the oldest is forgotten when it is full.
-
-    Raises:
-        InputError: when the counts have other groups or issues.
-    """
-    sides = (counts.inside_n, counts.inside_x, counts.outside_n, counts.outside_x)
-    newest = np.stack(sides, axis=-1)
-    if newest.shape != memory.windows.shape[1:]:
-        raise InputError(
-            f"counts of {newest.shape[:-1]} groups and issues do not fit a memory of "
-            f"{memory.windows.shape[1:-1]}: begin a new memory"
-        )
-    windows = np.concatenate([memory.windows[1:], newest[None]])
-    return Memory(windows, min(memory.filled + 1, len(windows)))
-
-
-def pooled(memory: Memory) -> Counts:
-    """The sum over all epochs that it holds, [G, K]."""
-    return Counts(*np.moveaxis(memory.windows.sum(axis=0), -1, 0))
-
-
-# --- which gaps steer, and how -------------------------------------------------------------------
-
-
-def standard_error(counts: Counts) -> np.ndarray:
-    """Of the signed gap if both sides had one rate, [G, K]; NaN if a side is empty.
-
-    √(p(1-p)(1/n + 1/m)) with the common rate p: unlike the usual one, it is not 0 when one side
-    has rate 0 or 1 by the luck of few services.
-    """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        n, m = counts.inside_n, counts.outside_n
-        p = (counts.inside_x + counts.outside_x) / (n + m)
-        missing = (n == 0) | (m == 0)
-        return np.where(missing, np.nan, np.sqrt(p * (1.0 - p) * (1.0 / n + 1.0 / m)))
-
-
-def beyond_noise(counts: Counts, shrink: float) -> np.ndarray:
-    """Share of each gap that may steer, max(0, 1 - (c se / |d|)²), in [0, 1], [G, K].
-
-    The positive part of a James–Stein estimate: 0 within c standard errors, near 1 far beyond
-    them, without a jump. NaN if a side is empty.
-    """
-    gap = signed_gaps(counts)
-    noise = shrink * standard_error(counts)
-    beyond = np.abs(gap) > noise
-    ratio = np.divide(noise, gap, out=np.ones_like(gap), where=beyond)
-    return np.where(np.isnan(gap), np.nan, 1.0 - ratio**2)
-
-
-def push(counts: Counts, settings: CreditSettings) -> np.ndarray:
-    """How the objective changes with each signed gap, times the share beyond noise, [G, K].
-
-    ±1 for gaps (the s of Eq. 1's absolute value), 2d for squared gaps; NaN if a side is empty.
-    """
-    gap = signed_gaps(counts)
-    slope = np.sign(gap) if settings.objective == "gap" else 2.0 * gap
-    return slope * beyond_noise(counts, settings.shrink)
-
-
-def _mean_over_groups(pushes: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Slopes of I [n, K] from those of the gaps [n, G, K]; missing gaps drop out, as in Eq. 2."""
-    known = ~np.isnan(pushes)
-    summed = (np.where(known, pushes, 0.0) * slopes).sum(axis=1)
-    return summed / np.maximum(known.sum(axis=0), 1)
-
-
-# --- influence -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Influence:
-    """Derivatives by the log-weight of each service: weights of ∇log π in policy gradients.
-
-    Attributes:
-        gap: of the signed gap of each group, [n, G, K].
-        push: how the objective changes with each signed gap, [G, K], NaN where it is missing.
-        issue: of each component of I over all groups, without tau, [n, K].
-        total: of the total issue score, Σ_k tau_k I_k, [n].
-    """
-
-    gap: np.ndarray
-    push: np.ndarray
-    issue: np.ndarray
-    total: np.ndarray
-
-    def over(self, columns: np.ndarray | Sequence[int]) -> np.ndarray:
-        """The same as ``issue`` for I over some groups, such as one identity's, [n, K]."""
-        return _mean_over_groups(self.push[columns], self.gap[:, columns])
-
-
-def influence(
-    x: np.ndarray,
-    inside: np.ndarray,
-    tau: Sequence[float] | np.ndarray,
-    counts: Counts | None = None,
-    settings: CreditSettings | None = None,
-) -> Influence:
-    """What the total issue score gains when a service becomes more likely, exactly.
-
-    w_i = 1/|G| Σ_g Σ_k τ_k s_kg [1(i∈g)(x_ik - p_k(g))/n_g - 1(i∉g)(x_ik - p_k(¬g))/n_¬g],
-    so that ∇ Σ_k τ_k I_k ≈ Σ_i w_i ∇log π(service i) (score function of a ratio of means). An
-    issue that does not apply to a service gives it no weight, and n_g counts the services to
-    which it applies: p_k(g) is a rate among these. A gap that is missing is left out of the mean
-    over groups; an issue without any gap gives nobody weight.
-
-    Args:
-        x: indicators of the current epoch, [n, K], NaN where an issue does not apply.
-        inside: membership, [n, G], NaN where unknown.
-        tau: weight of each issue, [K].
-        counts: pooled counts that include the current epoch; by default the current ones alone.
-        settings: shrinking and objective. With ``shrink=0`` and the objective ``gap`` this is
-            exactly the derivative of the printed score; shrunk gaps are weighed as they stand.
-
-    Raises:
-        InputError: shapes differ, tau is not [K] finite numbers of at least 0, or the counts hold
-            fewer services than the epoch.
-    """
-    settings = settings or CreditSettings()
-    weights = _checked_tau(x, tau)
-    counts, now = _checked_counts(x, inside, counts)
-    pushes = push(counts, settings)
-    _, centred = _slopes(x, inside, counts, now, charged=False)
-    issue = _mean_over_groups(pushes, centred)
-    return Influence(gap=centred, push=pushes, issue=issue, total=issue @ weights)
-
-
-def _slopes(
-    x: np.ndarray, inside: np.ndarray, counts: Counts, now: Counts, charged: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """What an issue of service i does to each signed gap, and that times (x - rate), [n, G, K].
-
-    Services to which an issue does not apply get 0; if ``charged``, what they would get with it.
-    """
-    applies = ~np.isnan(x)[:, None, :]
-    asked = applies | charged
-    value = np.where(applies, x[:, None, :], 1.0)
-    more = (asked & ~applies).astype(float)  # such a service would have been one more
-    side_in = np.nan_to_num(inside)[:, :, None] * asked / np.maximum(now.inside_n + more, 1.0)
-    side_out = np.nan_to_num(1.0 - inside)[:, :, None] * asked
-    side_out = side_out / np.maximum(now.outside_n + more, 1.0)
-    rate_in = counts.inside_x / np.maximum(counts.inside_n, 1.0)
-    rate_out = counts.outside_x / np.maximum(counts.outside_n, 1.0)
-    known = ~np.isnan(signed_gaps(counts))
-    having = (side_in - side_out) * known
-    centred = (side_in * (value - rate_in) - side_out * (value - rate_out)) * known
-    return having, centred
-
-
-def _checked_tau(x: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.ndarray:
-    weights = np.asarray(tau, float)
-    if weights.shape != np.shape(x)[-1:] or not np.isfinite(weights).all() or (weights < 0).any():
-        raise InputError(
-            f"tau is {tau}: give {np.shape(x)[-1]} finite numbers of at least 0, one an issue"
-        )
-    return weights
-
-
-def _checked_counts(
-    x: np.ndarray, inside: np.ndarray, counts: Counts | None
-) -> tuple[Counts, Counts]:
-    """Pooled and current counts that belong together."""
-    if x.ndim != 2 or inside.ndim != 2 or len(x) != len(inside):
-        raise InputError(
-            f"issues {x.shape} and membership {inside.shape} do not fit: give one row a service"
-        )
-    now = count(x, inside)
-    if counts is None:
-        return now, now
-    if counts.inside_n.shape != now.inside_n.shape:
-        raise InputError(
-            f"pooled counts are {counts.inside_n.shape} and the epoch has {now.inside_n.shape} "
-            "groups and issues: pool counts of the same groups and issues"
-        )
-    if (counts.inside_n < now.inside_n).any() or (counts.outside_n < now.outside_n).any():
-        raise InputError("pooled counts hold fewer services than the epoch: pool it as well")
-    return counts, now
-
-
-# --- rewards -------------------------------------------------------------------------------------
-
-
-def influence_reward(
-    x: np.ndarray,
-    inside: np.ndarray,
-    tau: Sequence[float] | np.ndarray,
-    counts: Counts | None = None,
-    settings: CreditSettings | None = None,
-) -> np.ndarray:
-    """What evenness pays each service, with the guard that no issue is ever paid for, [n].
-
-    -μ n w_i, to be added to a service reward: the policy gradient of the mean reward is then
-    that of the service minus μ times the total issue score. The guard: an issue of a service
-    whose people are better off would raise evenness, and the exact influence would pay for it
-    (levelling down); such issues get no weight, so only those that widen gaps cost. And where an
-    issue does not apply, it costs as if the service had it: else ignoring somebody would spare
-    the cost of being late. So, rates held, another issue never raises a service's reward.
-
-    Arguments and errors as for `influence`.
-    """
-    settings = settings or CreditSettings()
-    weights = _checked_tau(x, tau)
-    counts, now = _checked_counts(x, inside, counts)
-    return influence_pays(x, inside, weights, counts, now, len(x), settings)
+from evenhand.core import palette
+from evenhand.methods.beyond.gaps import GapMethod, beyond_noise, checked_counts, checked_tau
+from evenhand.methods.guidance import Guidance
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.paper.scores import Counts, signed_gaps
+from evenhand.methods.pooling import Pool, pooled, remember
+from evenhand.methods.registry import method
 
 
 def levelup_reward(
@@ -301,46 +24,51 @@ def levelup_reward(
     inside: np.ndarray,
     tau: Sequence[float] | np.ndarray,
     counts: Counts | None = None,
-    settings: CreditSettings | None = None,
+    settings: GapMethod | None = None,
 ) -> np.ndarray:
     """Issues of people in worse-off groups cost more, [n], never above 0.
 
     r_i = -μ Σ_{g∋i} Σ_k τ_k max(0, p_k(g) - p_k(¬g)) x_ik, each gap times its share beyond
     noise. No group's issue is ever paid for. Where an issue does not apply it costs as if the
-    service had it, for the reason said in `influence_reward`. Squared gaps are not used here.
+    service had it, for the reason said in `influence.influence_reward`.
 
-    Arguments and errors as for `influence`.
+    Arguments and errors as for `influence.influence`.
     """
-    settings = settings or CreditSettings()
-    weights = _checked_tau(x, tau)
-    counts, _ = _checked_counts(x, inside, counts)
+    settings = settings or GapMethod()
+    weights = checked_tau(x, tau)
+    counts, _ = checked_counts(x, inside, counts)
     return levelup_pays(x, inside, weights, counts, settings)
 
 
-def influence_pays(
-    x: np.ndarray,
-    inside: np.ndarray,
-    weights: np.ndarray,
-    counts: Counts,
-    now: Counts,
-    services: int,
-    settings: CreditSettings,
-) -> np.ndarray:
-    """What `influence_reward` pays, [n], from checked arguments.
-
-    Gaps and rates are those of ``counts``, numbers of a window those of ``now``.
-    """
-    pushes = push(counts, settings)
-    having, centred = _slopes(x, inside, counts, now, charged=True)
-    widens = _mean_over_groups(pushes, having) > 0.0
-    guarded = np.where(widens, _mean_over_groups(pushes, centred), 0.0)
-    return -settings.strength * services * (guarded @ weights)
-
-
 def levelup_pays(
-    x: np.ndarray, inside: np.ndarray, weights: np.ndarray, counts: Counts, settings: CreditSettings
+    x: np.ndarray, inside: np.ndarray, weights: np.ndarray, counts: Counts, settings: GapMethod
 ) -> np.ndarray:
     """What `levelup_reward` pays, [n], from checked arguments and the gaps of ``counts``."""
     worse = np.maximum(signed_gaps(counts), 0.0) * beyond_noise(counts, settings.shrink)
     cost = np.nan_to_num(inside) @ np.nan_to_num(worse)
     return -settings.strength * ((cost * np.nan_to_num(x, nan=1.0)) @ weights)
+
+
+@method("levelup", label="level-up", colour=palette.GREEN, marker="D", own=True)
+@dataclass(frozen=True)
+class LevelUp(GapMethod):
+    """Issues of people in worse-off groups cost more (recommended)."""
+
+    strength: float = 5.0
+    """μ: what an issue costs for each point by which the person's groups meet it more often."""
+
+    def teach(self, epoch: Epoch, memory: Pool) -> tuple[Guidance, Pool]:
+        """Gaps are those of the last epochs, this one included."""
+        memory = remember(memory, epoch.counts)
+        if not self.counts_now(epoch):
+            return Guidance(), memory
+        now = self.weighed(epoch)
+        paid = levelup_reward(epoch.x, epoch.inside, epoch.tau, pooled(memory), now)
+        return Guidance(evenness=paid), memory
+
+    def pay(self, services: Epoch, window: Epoch, memory: Pool) -> np.ndarray:
+        """Gaps are those of the windows before, [m]."""
+        if not self.counts_now(window):
+            return np.zeros(len(services))
+        now, counts = self.weighed(services), pooled(memory)
+        return levelup_pays(services.x, services.inside, services.tau, counts, now)

@@ -21,14 +21,13 @@ ever more would look abnormal.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.beyond.levelup import Influence
+from evenhand.methods.beyond.influence import Influence
 
 _ROUNDING = 1e-9
 """1 / (1/49) is a bit more than 49."""
@@ -78,17 +77,6 @@ class Past:
     def known(self) -> np.ndarray:
         """Cosines of the updates that happened, [filled, C + 1, K + 1]."""
         return self.cosines[len(self.cosines) - self.filled :]
-
-    def plain(self) -> dict[str, Any]:
-        """As JSON can hold it, exactly; missing cosines are None."""
-        cosines = self.cosines.astype(object)
-        cosines[np.isnan(self.cosines)] = None
-        return {"cosines": cosines.tolist(), "filled": self.filled}
-
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Past:
-        """Back from `plain`."""
-        return cls(np.array(plain["cosines"], float), int(plain["filled"]))
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from evenhand.core.wording import MINUS
+from evenhand.methods import registry
 from evenhand.methods.vocabulary import LEAST
 from evenhand.report.model_cards import markdown, sections
 from evenhand.report.model_cards.markdown import NOT_MEASURED, between, number, percent, words
@@ -149,8 +150,8 @@ def _result(trial: Trial) -> dict[str, object]:
 
 
 def _what(robot: Robot) -> str:
-    settings, guidance = robot.settings, robot.settings["guidance"]["kind"]
-    method = f"guidance {guidance}" if settings["rival"] == "none" else f"rival {settings['rival']}"
+    settings = robot.settings
+    method = f"guidance {settings['method']['name']}"
     return (
         f"A policy that decides when a service robot responds to a person who asks for service: "
         f"walk on, or respond now. It was trained with {settings['update']['algorithm']} in the "
@@ -183,7 +184,7 @@ def _training(robot: Robot) -> str:
         ["epochs", f"{robot.epochs} of {settings['epochs']}, {settings['people']} services each"],
         ["seed", str(settings["seed"])],
         ["judge of every epoch", f"a detector fitted to {words(robot.judge)}"],
-        ["identities hidden from the policy", "yes" if settings["unaware"] else "no"],
+        ["identities hidden from the policy", "yes" if _blind(settings) else "no"],
         ["total issue score of the last epoch", number(robot.last.get("total"))],
         ["services without any issue, last epoch", number(robot.last.get("perfect_rate"))],
     ]
@@ -250,6 +251,10 @@ def _gap(verdicts: Verdicts, group: int, issue: int) -> str:
     verdict = verdicts.verdict[group, issue]
     mark = {DISPARITY: f" **{DISPARITY}**", INSUFFICIENT: f" {INSUFFICIENT}"}.get(verdict, "")
     return f"{gap:+.1f} ({low:+.1f} to {high:+.1f}){mark}".replace("-", MINUS)
+
+
+def _blind(settings: Mapping[str, Any]) -> bool:
+    return registry.BLINDNESS in registry.needs_of(registry.restored(settings["method"]))
 
 
 _LIMITS = """\

@@ -78,7 +78,7 @@ class Wardrobe:
 
     def model(self, service: Service) -> mujoco.MjModel:
         """A model of its own for a service."""
-        setups, row = service.setups, service.row
+        setups, row = service.drawn.setups, service.row
         self._figures.show(setups, row)
         made = copy.copy(self._model)
         # what is not to be seen costs nothing in a group that is not drawn

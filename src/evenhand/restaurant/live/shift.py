@@ -1,23 +1,24 @@
 """One service after another without end, one physics step at a time.
 
 The physics is a plain loop of MuJoCo with the commands, readings and chances of
-``restaurant.serve``, so the facts are those of the same services served many at once.
+``simulation.serve``, so the facts are those of the same services served many at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from evenhand.methods.paper import issues
-from evenhand.restaurant import floor_plan, people, robots, scenarios
-from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import driving, layout, serve, task
-from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes
+from evenhand.restaurant import floor_plan, people, robots, worlds
+from evenhand.restaurant.serve_people import draw, engine
+from evenhand.restaurant.simulation import driving, serve, task
+from evenhand.restaurant.simulation.lanes import Facts
 from evenhand.restaurant.simulation.world import simulation_of
+from evenhand.restaurant.worlds import AnyRobot, World
 
 BATCH = 30
 """Services drawn at once, as many as ``evenhand evaluate --services 30`` draws."""
@@ -33,21 +34,13 @@ class Cast:
 
     Attributes:
         name: of the robot, as it is shown.
-        scenario: as it is shown.
-        population: where people are drawn from.
-        robot: makes the robot for people with these identities, int64 [N, 5].
-        decide: when it decides.
-        sense: the distance sensor.
-        wanted: who needs another service.
+        world: where it serves.
+        robot: who serves.
     """
 
     name: str
-    scenario: str
-    population: str
-    robot: Callable[[np.ndarray, np.random.Generator], serve.Robot]
-    decide: task.TaskSettings
-    sense: sensing.SenseSettings
-    wanted: needs.NeedSettings
+    world: World
+    robot: AnyRobot
 
 
 def scripted(name: str, strength: float, scenario: str) -> Cast:
@@ -56,22 +49,14 @@ def scripted(name: str, strength: float, scenario: str) -> Cast:
     Args:
         name: one of ``robots.NAMES``.
         strength: of its bias, 0 to 1.
-        scenario: see ``scenarios.scenario``.
+        scenario: see ``worlds.scenario``.
 
     Raises:
         InputError: for an unknown robot or scenario, a strength out of range, or scenarios that
             contradict each other.
     """
-    world = scenarios.scenario(scenario)
-    return Cast(
-        name=name if name == "even" else f"{name}, strength {strength:g}",
-        scenario=scenario,
-        population=world.population,
-        robot=robots.ScriptedRobot(name, strength).robot,
-        decide=task.TaskSettings(),
-        sense=sensing.SenseSettings(perception=world.perception),
-        wanted=needs.NeedSettings(world.needs),
-    )
+    shown = name if name == "even" else f"{name}, strength {strength:g}"
+    return Cast(shown, worlds.scenario(scenario), robots.ScriptedRobot(name, strength))
 
 
 @dataclass(frozen=True)
@@ -80,21 +65,20 @@ class Service:
 
     Attributes:
         number: from 1.
-        setups: of the services that were drawn with it.
+        drawn: the services that were drawn with it.
         row: which of them it is.
+        robot: who serves them.
     """
 
     number: int
-    setups: layout.Setups
+    drawn: serve.Drawn
     row: int
-    beginning: Beginning
     robot: serve.Robot
-    uniform: np.ndarray
 
     @property
     def codes(self) -> np.ndarray:
-        """Identities of the person who asks, int64 [5]."""
-        return self.setups.asking[self.row]
+        """The five identities of the person who asks, int64 [5]."""
+        return self.drawn.setups.asking[self.row]
 
 
 @dataclass(frozen=True)
@@ -196,30 +180,25 @@ class Shift:
                 ``experiments.measure`` serves with it when it is asked for 30.
         """
         self.cast = cast
-        self._lanes = Lanes(1, cast.decide)
+        self._engine = engine(cast.world, 1)
+        self._lanes = self._engine.one
         self._drawn = self._draw(np.random.default_rng(seed))
         self._tally, self._last = Tally.empty(), None
         self.now, self.coming = next(self._drawn), next(self._drawn)
         self._begin()
 
     def _draw(self, rng: np.random.Generator) -> Iterator[Service]:
-        """Services in the order of ``serve.serve``'s chances."""
-        cast, length, number = self.cast, self.cast.decide.decisions, 0
-        elapsed = cast.decide.interval * floor_plan.TIMESTEP
+        cast, number = self.cast, 0
         while True:
-            setups = layout.draw(people.population(cast.population), BATCH, rng)
-            robot = cast.robot(setups.asking, rng)
-            chances = sensing.draw(cast.sense, setups.asking, length + 1, elapsed, rng)
-            wanted = needs.draw(cast.wanted, setups.asking, rng)
-            uniform = rng.random((BATCH, length))
-            beginning = self._lanes.prepare(setups, chances, wanted)
+            drawn, robot, _ = draw(cast.world, BATCH, rng, self._engine, cast.robot)
             for row in range(BATCH):
                 number += 1
-                yield Service(number, setups, row, beginning, robot, uniform[row])
+                yield Service(number, drawn, row, robot)
 
     def _begin(self) -> None:
-        self._lanes.begin(_ONE, self.now.beginning, np.array([self.now.row]))
-        self._model, self.data = simulation_of(self.now.setups, self.now.row)
+        drawn, row = self.now.drawn, self.now.row
+        self._lanes.begin(_ONE, drawn.beginning, np.array([row]))
+        self._model, self.data = simulation_of(drawn.setups, row)
         self.outcome: Outcome | None = None
         self._decide()
 
@@ -238,7 +217,7 @@ class Shift:
         """One physics step, and the robot's decision if one is due then; nothing after the end."""
         if self.outcome is not None:
             return
-        data, truth, interval = self.data, self._lanes.world.truth, self.cast.decide.interval
+        data, truth, interval = self.data, self._lanes.world.truth, self.cast.world.interval
         if self._steps % interval % _STEERED == 0:
             driving.follow(
                 _ONE,
@@ -255,7 +234,7 @@ class Shift:
                 _ONE,
                 data.sensordata[None, :2],
                 data.sensordata[3:4],
-                self.now.beginning.noise[self.now.row][None],
+                self.now.drawn.beginning.noise[self.now.row][None],
                 self._lanes.perceived,
                 floor_plan.TIMESTEP,
                 interval,
@@ -273,16 +252,14 @@ class Shift:
     def _decide(self) -> None:
         known = self._lanes.observe()
         self._chance = float(self.now.robot(known, np.array([self.now.row]))[0])
-        if self.now.uniform[self._steps // self.cast.decide.interval] < self._chance:
+        decision = self._steps // self.cast.world.interval
+        if self.now.drawn.uniform[self.now.row, decision] < self._chance:
             self._lanes.respond(_ONE)
             self._end()
 
     def _end(self) -> None:
         facts, codes = self._lanes.facts(_ONE), self.now.codes
-        table = serve.record(
-            facts, codes[None], epoch=0, scenario=self.cast.scenario, robot=self.cast.name
-        )
-        found = issues.indicators(table)[0]
+        found = issues.indicators(facts)[0]
         self.outcome = Outcome(self.now.number, codes, facts, found)
         self._tally = self._tally.plus(self.outcome)
 

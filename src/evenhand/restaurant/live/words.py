@@ -17,7 +17,7 @@ _LIMIT = issues.Thresholds()
 def person(codes: np.ndarray) -> list[tuple[str, str]]:
     """Identity and category of a person, int64 [5]."""
     return [
-        (identity.name, identity.categories[code])
+        (identity.name, identity.groups[code])
         for identity, code in zip(people.IDENTITIES, codes, strict=True)
     ]
 

@@ -101,6 +101,7 @@ def draw(
     readings: int,
     elapsed: float,
     rng: np.random.Generator,
+    also_missed: np.ndarray | None = None,
 ) -> Chances:
     """Draw the randomness of N services.
 
@@ -110,13 +111,18 @@ def draw(
         readings: most readings of a service, K.
         elapsed: seconds between two readings.
         rng: source of all randomness.
+        also_missed: share of readings that fail beside those of perception, in [0, 1), [N].
     """
     n, strength = len(codes), settings.perception
     fails = rng.random((n, readings)) < settings.dropout
     noise = settings.noise * rng.standard_normal((n, readings))
     stretch = np.ones(n)
+    if strength > 0.0 or also_missed is not None:
+        share = missed(strength, codes)
+        if also_missed is not None:
+            share = 1.0 - (1.0 - share) * (1.0 - also_missed)
+        fails |= _runs(share, readings, elapsed, rng)
     if strength > 0.0:
-        fails |= _runs(missed(strength, codes), readings, elapsed, rng)
         spread = np.exp(strength * _HEIGHT_SPREAD * rng.standard_normal(n))
         stretch = mean_stretch(strength, codes) * spread
     fails[:, 0] = False

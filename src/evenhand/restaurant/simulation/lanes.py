@@ -12,22 +12,28 @@ from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import driving, kernels, layout, task
 from evenhand.restaurant.simulation.world import Rows, World
 
-PERCEIVED = np.dtype(
-    [
-        ("one_hot", np.float32, task.N_GROUPS),
-        ("reading", float),
-        ("age", float),
-        ("steps", np.int64),
-        ("stretch", float),
-    ],
-    align=True,
-)
-"""One service as the robot knows it.
 
-``one_hot``: identities of the person who asks; ``reading``: distance as last sensed, metres;
-``age``: of that reading, seconds; ``steps``: physics steps since the service began, by the timer;
-``stretch``: what its sensor makes of a distance of 1, which it does not know.
-"""
+def perceived_type(groups: int) -> np.dtype:
+    """One service as the robot knows it.
+
+    ``one_hot``: identities of the person who asks, over so many groups; ``reading``: distance as
+    last sensed, metres; ``age``: of that reading, seconds; ``steps``: physics steps since the
+    service began, by the timer; ``stretch``: what its sensor makes of a distance of 1, which it
+    does not know.
+    """
+    return np.dtype(
+        [
+            ("one_hot", np.float32, groups),
+            ("reading", float),
+            ("age", float),
+            ("steps", np.int64),
+            ("stretch", float),
+        ],
+        align=True,
+    )
+
+
+PERCEIVED = perceived_type(task.N_GROUPS)
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,15 @@ class Facts:
     contact_steps: np.ndarray
     sensed_error: np.ndarray
 
+    def __contains__(self, name: str) -> bool:
+        return name in self.__dataclass_fields__ or name in _OF_RESPONSES
+
+    def fact(self, name: str) -> np.ndarray:
+        """A fact as rules read it, float64 [N], NaN where a service lacks it; see ``columns``."""
+        if name in _OF_RESPONSES:
+            return np.where(self.responded, getattr(self, _OF_RESPONSES[name]), np.nan)
+        return getattr(self, name).astype(float)
+
     @cached_property
     def _quality(self) -> tuple[np.ndarray, np.ndarray]:
         return task.quality(self.responded, self.steps, self.distance, self.min_distance)
@@ -72,6 +87,10 @@ class Facts:
     def reward(self) -> np.ndarray:
         """Service quality: the sum of the terms, in [-0.5, 1], [N]."""
         return self.terms.sum(axis=1)
+
+
+_OF_RESPONSES = {"response_step": "steps", "response_distance": "distance"}
+"""Facts that only a service with a response has."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +116,17 @@ class Lanes:
         perceived: what the robots know, ``PERCEIVED``, [n].
     """
 
-    def __init__(self, n: int, settings: task.TaskSettings, threads: int = 1) -> None:
+    def __init__(
+        self,
+        n: int,
+        settings: task.TaskSettings,
+        threads: int = 1,
+        groups: int = task.N_GROUPS,
+    ) -> None:
         self.n = n
         self.settings = settings
         self.world = World(n, threads)
-        self.perceived = np.zeros(n, PERCEIVED)
+        self.perceived = np.zeros(n, perceived_type(groups))
         self._all = np.arange(n)
         self._noise = np.zeros((n, settings.decisions + 1))
 
@@ -109,7 +134,7 @@ class Lanes:
         self, setups: layout.Setups, chances: sensing.Chances, wanted: needs.Needs | None = None
     ) -> Beginning:
         """What begins N services, ready to be copied into lanes; see ``begin``."""
-        perceived = np.zeros(len(setups), PERCEIVED)
+        perceived = np.zeros(len(setups), self.perceived.dtype)
         perceived["one_hot"] = setups.one_hot
         # of a robot at rest, so that the sensor's age of one step makes no difference
         seen = setups.start_distance * chances.stretch + chances.noise[:, 0]

@@ -63,7 +63,8 @@ class Setups:
     """A batch of N services before they begin; row i of every array is service i.
 
     Attributes:
-        people: codes of the identities of every guest, int64 [N, 12, 5]; guest 0 asks.
+        people: codes of the five identities of every guest, int64 [N, 12, 5]; guest 0 asks.
+        codes: identities of the person who asks as the population has them, int64 [N, D].
         position: centres of the guests, metres, float64 [N, 12, 2].
         facing: heading of the guests, radians, float64 [N, 12].
         shape: index into ``plan.SHAPES`` of the guests, int64 [N, 12].
@@ -71,7 +72,7 @@ class Setups:
         table: the table where a guest sits, -1 for a standing guest, int64 [N, 12].
         start: robot's centre, metres, float64 [N, 2].
         heading: robot's heading, radians, float64 [N].
-        one_hot: identities of the person who asks as the robot is told them, float32 [N, 22].
+        one_hot: the same as the robot is told them, float32 [N, G].
         front: unit vector from the table to the person where the way leads by the front of a
             seat, 0 elsewhere, complex [N].
         way: points that lead from the start to the person, complex [N, 3], see ``route``.
@@ -79,6 +80,7 @@ class Setups:
     """
 
     people: np.ndarray
+    codes: np.ndarray
     position: np.ndarray
     facing: np.ndarray
     shape: np.ndarray
@@ -99,7 +101,7 @@ class Setups:
 
     @property
     def asking(self) -> np.ndarray:
-        """Identities of the person who asks, int64 [N, 5]."""
+        """The five identities of the person who asks, int64 [N, 5]."""
         return self.people[:, 0]
 
     @property
@@ -133,9 +135,10 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
     Returns:
         Set-ups in which nobody overlaps and the person can be reached in time.
     """
-    codes = people.sample(population, n * floor_plan.N_GUESTS, rng).reshape(
-        n, floor_plan.N_GUESTS, 5
-    )
+    identities = population.identities
+    drawn = people.sample(population, n * floor_plan.N_GUESTS, rng)
+    drawn = drawn.reshape(n, floor_plan.N_GUESTS, len(identities))
+    codes = people.known(drawn, identities)
     parts: list[dict[str, np.ndarray]] = []
     missing = n
     while missing > 0:  # arrangements without a start for the robot are drawn anew
@@ -150,6 +153,7 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
     any_way = rng.uniform(-np.pi, np.pi, (n, floor_plan.N_GUESTS))
     return Setups(
         people=codes,
+        codes=drawn[:, 0],
         position=position,
         facing=np.where(table >= 0, towards_table, any_way),
         shape=shape,
@@ -157,7 +161,7 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
         table=table,
         start=places["start"],
         heading=rng.uniform(-np.pi, np.pi, n),
-        one_hot=people.encode(codes[:, 0]),
+        one_hot=people.encode(drawn[:, 0], identities),
         front=places["front"],
         way=places["way"],
         last=places["last"],

@@ -39,8 +39,8 @@ class Network:
     Attributes:
         weights: one matrix a layer, [inputs, outputs]; the last has two outputs.
         biases: one vector a layer, [outputs].
-        centre: what is taken from an observation, [25].
-        scale: what it is multiplied by then, [25].
+        centre: what is taken from an observation, [G + 3].
+        scale: what it is multiplied by then, [G + 3].
         relu: the activation of the hidden layers; else tanh.
     """
 
@@ -96,7 +96,7 @@ class Engines:
         *,
         recorded: bool = False,
     ) -> serve.Services:
-        """Run services that have been drawn to their ends; see ``serve.serve``.
+        """Run services that have been drawn to their ends; see ``serve.run``.
 
         Args:
             drawn: the services.
@@ -110,7 +110,7 @@ class Engines:
         """
         if self._pool is not None:
             self._home.check()
-        kept = serve.Kept.empty(*drawn.uniform.shape, recorded=recorded)
+        kept = serve.Kept.empty(drawn, recorded=recorded)
         begun, setups, n = drawn.beginning, drawn.setups, len(drawn.setups)
         truth, perceived = begun.rows.truth.copy(), begun.perceived.copy()
         lanes = (

@@ -1,7 +1,7 @@
-"""Serve people to the end of their services with any robot, and keep the facts.
+"""Services lane by lane: what is left to chance in them, and running them to their ends.
 
 A robot is a function from what it perceives to the probability of responding; a learned policy
-and a scripted robot are the same to this room.
+and a scripted robot are the same here. Most callers want ``restaurant.serve_people``.
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from evenhand.methods.services import Interactions
-from evenhand.restaurant import floor_plan, people
+from evenhand.restaurant import floor_plan
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import kernels, layout, recording, task
 from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes
 from evenhand.restaurant.simulation.recording import Recording
 
 Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(observation float32 [n, 25], rows int [n]) -> probability of responding now [n].
+"""(observation float32 [n, G + 3], rows int [n]) -> probability of responding now [n].
 
 ``rows`` tells which of the services of this call the observations belong to, so that a robot can
 hold a plan for each service.
@@ -32,13 +31,15 @@ class Services:
 
     Attributes:
         facts: what happened.
-        observation: at each decision, float32 [N, L, 25]; zero after the end.
+        codes: identities of the people who asked, int64 [N, D].
+        observation: at each decision, float32 [N, L, G + 3]; zero after the end.
         action: codes of ``task.ACTIONS``, int32 [N, L].
         mask: 1 where a decision was taken, float32 [N, L].
         seen: what was to be seen of them, if they were recorded.
     """
 
     facts: Facts
+    codes: np.ndarray
     observation: np.ndarray
     action: np.ndarray
     mask: np.ndarray
@@ -66,44 +67,37 @@ def draw(
     rng: np.random.Generator,
     sense: sensing.SenseSettings,
     wanted: needs.NeedSettings | None = None,
+    also_missed: np.ndarray | None = None,
 ) -> Drawn:
-    """Leave to chance what can be drawn before the services begin; see ``serve``."""
+    """Leave to chance what can be drawn before the services begin.
+
+    Args:
+        lanes: prepare the services.
+        setups: N services.
+        rng: randomness of readings, needs and actions, in this order.
+        sense: the distance sensor.
+        wanted: who needs another service; nobody by default.
+        also_missed: see ``sensing.draw``.
+    """
     total, length = len(setups), lanes.settings.decisions
     elapsed = lanes.settings.interval * floor_plan.TIMESTEP
-    chances = sensing.draw(sense, setups.asking, length + 1, elapsed, rng)
+    chances = sensing.draw(sense, setups.asking, length + 1, elapsed, rng, also_missed)
     people_need = needs.draw(wanted or needs.NeedSettings(), setups.asking, rng)
     uniform = rng.random((total, length))
     return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform)
 
 
-def serve(
-    lanes: Lanes,
-    setups: layout.Setups,
-    robot: Robot,
-    rng: np.random.Generator,
-    sense: sensing.SenseSettings,
-    wanted: needs.NeedSettings | None = None,
-    *,
-    recorded: bool = False,
-) -> Services:
-    """Run every set-up to the end of its service.
+def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Services:
+    """Run services that have been drawn to their ends.
 
     Args:
         lanes: simulations to use; takes ``lanes.n`` services at a time.
-        setups: N services.
+        drawn: N services.
         robot: who serves.
-        rng: randomness of readings and of actions.
-        sense: the distance sensor.
-        wanted: who needs another service; nobody by default.
         recorded: keep what was to be seen.
     """
-    return run(lanes, draw(lanes, setups, rng, sense, wanted), robot, recorded=recorded)
-
-
-def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Services:
-    """Run services that have been drawn to their ends; see ``serve``."""
     total, length = drawn.uniform.shape
-    kept = Kept.empty(total, length, recorded=recorded)
+    kept = Kept.empty(drawn, recorded=recorded)
     pose = kept.pose
     arrays = (kept.observation, kept.action, kept.mask)
     parts = []
@@ -139,7 +133,7 @@ class Kept:
     """What is written down while N services run; see ``Services``.
 
     Attributes:
-        observation: float32 [N, L, 25].
+        observation: float32 [N, L, G + 3].
         action: int32 [N, L].
         mask: float32 [N, L].
         pose: of the robot at every decision and at a time-out, [N, L + 1, 3], if it is recorded.
@@ -151,10 +145,12 @@ class Kept:
     pose: np.ndarray | None
 
     @classmethod
-    def empty(cls, total: int, length: int, *, recorded: bool) -> Kept:
+    def empty(cls, drawn: Drawn, *, recorded: bool) -> Kept:
         """Before N services of L decisions at most."""
+        total, length = drawn.uniform.shape
+        size = task.observation_size(drawn.setups.one_hot.shape[1])
         return cls(
-            np.zeros((total, length, task.OBSERVATION_SIZE), np.float32),
+            np.zeros((total, length, size), np.float32),
             np.zeros((total, length), np.int32),
             np.zeros((total, length), np.float32),
             np.full((total, length + 1, 3), np.nan) if recorded else None,
@@ -166,51 +162,7 @@ class Kept:
         """Once they have ended."""
         seen = None
         if self.pose is not None:
-            sensed = self.observation[:, :, task.N_GROUPS] * task.DISTANCE_UNIT
+            sensed = self.observation[:, :, task.DISTANCE] * task.DISTANCE_UNIT
             sensed = np.where(self.mask == 1.0, sensed, np.nan)
             seen = recording.make(setups, self.pose, sensed, settings.interval)
-        return Services(facts, self.observation, self.action, self.mask, seen)
-
-
-def record(
-    facts: Facts,
-    codes: np.ndarray,
-    *,
-    epoch: np.ndarray | int,
-    scenario: str,
-    robot: str,
-    first_service: int = 0,
-) -> Interactions:
-    """The currency of all judgement: one row a service.
-
-    Args:
-        facts: N finished services.
-        codes: identities of the people served, int64 [N, 5].
-        epoch: one for all, or one each.
-        scenario: where.
-        robot: who served.
-        first_service: number of the first row.
-    """
-    n = len(facts.steps)
-    no = ~facts.responded
-    return Interactions.build(
-        identities={
-            identity.name: (codes[:, i], identity.categories)
-            for i, identity in enumerate(people.IDENTITIES)
-        },
-        facts={
-            "epoch": np.broadcast_to(epoch, n),
-            "service": np.arange(first_service, first_service + n),
-            "scenario": [scenario] * n,
-            "robot": [robot] * n,
-            "responded": facts.responded,
-            "response_step": np.ma.array(facts.steps, mask=no),
-            "response_distance": np.ma.array(facts.distance, mask=no),
-            "min_distance": facts.min_distance,
-            "steps": facts.steps,
-            "start_distance": facts.start_distance,
-            "path_length": facts.path_length,
-            "contact_steps": facts.contact_steps,
-            "sensed_error": facts.sensed_error,
-        },
-    )
+        return Services(facts, setups.codes, self.observation, self.action, self.mask, seen)

@@ -24,7 +24,17 @@ AGE_UNIT = 1.0
 UNITS = (DISTANCE_UNIT, float(floor_plan.MAX_STEPS), AGE_UNIT)
 """Of distance, time and age."""
 N_GROUPS = len(people.GROUPS)
-OBSERVATION_SIZE = N_GROUPS + 3
+"""Of the five identities; a world with own ones has others."""
+DISTANCE, STEPS, AGE = -3, -2, -1
+"""Places in an observation, behind the groups."""
+
+
+def observation_size(groups: int = N_GROUPS) -> int:
+    """Numbers in an observation of people with so many groups."""
+    return groups + 3
+
+
+OBSERVATION_SIZE = observation_size()
 
 REWARD_TERMS = ("response", "distance", "promptness", "safety")
 
@@ -59,13 +69,13 @@ def observe(
 
     Args:
         ids: which of the n services, int [k].
-        one_hot: identities of the person who asks, float32 [n, 22].
+        one_hot: identities of the person who asks, float32 [n, G]; G is 22 by default.
         distance: as last sensed, metres, [n].
         steps: physics steps since the service began, [n].
         age: of the last reading, seconds, [n].
 
     Returns:
-        float32 [k, 25]: 22 groups, distance / 5 m (at most 2), steps / 300, age / 1 s (at most 1).
+        float32 [k, G + 3]: groups, distance / 5 m (at most 2), steps / 300, age / 1 s (at most 1).
     """
     return driving.observe(ids, one_hot, distance, steps, age, UNITS, DISTANCE_LIMIT)
 

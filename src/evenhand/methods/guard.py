@@ -8,16 +8,15 @@ a perfect service", and a group may be everybody (a column of ones).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from scipy.special import betaln
 
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.beyond.levelup import Memory, pooled, remember
-from evenhand.methods.paper.scores import Counts
+from evenhand.methods.paper.scores import Counts, count
+from evenhand.methods.pooling import Pool, pooled, remember
 
 BACK_OFF = 0.5
 """Evenness weighs so many times as much after an alarm."""
@@ -58,29 +57,14 @@ class Guard:
         strength: factor that falls while service becomes worse, in [0, 1].
     """
 
-    recent: Memory
+    recent: Pool
     reference: np.ndarray
     strength: float = 1.0
 
     @classmethod
     def new(cls, groups: int, issues: int, settings: GuardSettings) -> Guard:
         """A guard that has seen nothing."""
-        return cls(Memory.empty(settings.windows, groups, issues), np.zeros((groups, issues, 2)))
-
-    def plain(self) -> dict[str, Any]:
-        """As JSON can hold it, exactly."""
-        return {
-            "recent": self.recent.plain(),
-            "reference": self.reference.tolist(),
-            "strength": self.strength,
-        }
-
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Guard:
-        """Back from `plain`."""
-        return cls(
-            Memory.of(plain["recent"]), np.array(plain["reference"]), float(plain["strength"])
-        )
+        return cls(Pool.empty(settings.windows, groups, issues), np.zeros((groups, issues, 2)))
 
 
 def weight(guard: Guard) -> float:
@@ -152,3 +136,46 @@ def watch(guard: Guard, counts: Counts, settings: GuardSettings) -> tuple[Guard,
     else:
         strength = min(1.0, guard.strength + REGAIN)
     return Guard(recent, reference, strength), chance
+
+
+GUARD = GuardSettings()
+"""As training and wrappers use it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watch:
+    """A look at one more epoch, taken when somebody asks.
+
+    Attributes:
+        before: the guard so far; its groups are those of the epoch, and everybody.
+        x: issues of the services of the epoch, [n, K].
+        inside: membership, [n, G].
+    """
+
+    before: Guard
+    x: np.ndarray
+    inside: np.ndarray
+
+    @cached_property
+    def after(self) -> Guard:
+        """The guard with this epoch in it: a service without any issue is a perfect one."""
+        everybody = np.concatenate([self.inside, np.ones((len(self.x), 1))], axis=1)
+        imperfect = (self.x == 1.0).any(axis=1, keepdims=True).astype(float)
+        return watch(self.before, count(imperfect, everybody), GUARD)[0]
+
+    @property
+    def weight(self) -> float:
+        """What evenness weighs, see `weight`."""
+        return weight(self.after)
+
+
+@dataclass(frozen=True)
+class Held:
+    """A guard as it stands, without a look at more."""
+
+    guard: Guard
+
+    @property
+    def weight(self) -> float:
+        """What evenness weighs, see `weight`."""
+        return weight(self.guard)

@@ -1,0 +1,117 @@
+"""PPO-Lagrangian: service quality subject to a limit on unevenness (Ray et al. 2019)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evenhand.core import palette
+from evenhand.core.errors import whole
+from evenhand.methods.beyond.influence import CreditSettings, influence
+from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.pooling import Pool, pooled, remember
+from evenhand.methods.registry import method
+from evenhand.methods.rivals.shared import per_service, within
+
+
+def multiplier(lam: float, score: float, limit: float, rate: float) -> float:
+    """λ ← [λ + η (J_c − d)]₊, the dual step of the constraint J_c <= d.
+
+    Ray, Achiam and Amodei 2019 (Benchmarking Safe Exploration); OmniSafe `common/lagrange.py`,
+    which steps λ before the policy, as is done here.
+
+    Args:
+        lam: λ so far.
+        score: J_c, unevenness; NaN (not known) leaves λ as it is.
+        limit: d.
+        rate: η.
+    """
+    return lam if np.isnan(score) else max(0.0, lam + rate * (score - limit))
+
+
+def lagrangian_advantage(
+    advantage: np.ndarray, mask: np.ndarray, cost: np.ndarray, lam: float
+) -> np.ndarray:
+    """A' = (A_r − λ A_c) / (1 + λ), OmniSafe `naive_lagrange/ppo_lag.py`.
+
+    A_c is the cost of the service minus the mean cost over decisions: centred and not scaled, as
+    in OmniSafe, which also standardises A_r; that only changes the unit of λ. There is no cost
+    critic, for a service has one cost, at its end.
+
+    Args:
+        advantage: A_r, [n, L].
+        mask: [n, L].
+        cost: what each service adds to the constrained score, on the scale of an advantage, [n].
+        lam: λ.
+
+    Returns:
+        [n, L].
+    """
+    lengths = (mask > 0).sum(axis=1)
+    centred = cost - (lengths * cost).sum() / max(lengths.sum(), 1)
+    return per_service(advantage, mask, -lam * centred) / (1.0 + lam)
+
+
+@dataclass(frozen=True)
+class LagrangianState:
+    """What PPO-Lagrangian remembers.
+
+    Attributes:
+        lam: λ.
+        pool: counts of the last epochs.
+    """
+
+    lam: float
+    pool: Pool
+
+
+@method(
+    "lagrangian",
+    field="limit",
+    label="PPO-Lagrangian",
+    colour=palette.PURPLE,
+    marker="^",
+    filled=False,
+)
+@dataclass(frozen=True)
+class Lagrangian:
+    """PPO-Lagrangian: service quality subject to unevenness <= ``limit``."""
+
+    limit: float = 0.05
+    """d, the total issue score that is allowed."""
+
+    rate: float = 0.1
+    """η, step size of λ."""
+
+    start: float = 0.0
+    """λ at the beginning."""
+
+    windows: int = 8
+    """Epochs that unevenness is pooled over, the running one included."""
+
+    def __post_init__(self) -> None:
+        for name in ("limit", "rate", "start"):
+            within(name, getattr(self, name), 0.0)
+        whole("windows", self.windows, 1, 1000)
+
+    def begin(self, scheme: Any) -> LagrangianState:
+        """λ at the beginning, and no epoch yet."""
+        empty = Pool.empty(self.windows, len(scheme.groups), len(scheme.issues))
+        return LagrangianState(float(self.start), empty)
+
+    def teach(self, epoch: Epoch, memory: LagrangianState) -> tuple[np.ndarray, LagrangianState]:
+        """First λ takes its step, then the advantages are mixed with it.
+
+        The constrained score is without what chance gives, else it could never be met. The cost
+        of a service is its influence on the score times the number of services, so that the
+        gradient of the score is the mean over services of cost ∇ log π(service).
+        """
+        pool = remember(memory.pool, epoch.counts)
+        counts, equal = pooled(pool), np.ones(len(epoch.issues))
+        lam = multiplier(memory.lam, epoch.excess_of(counts), self.limit, self.rate)
+        found = influence(epoch.x, epoch.inside, equal, counts, CreditSettings(shrink=0.0))
+        cost = found.total * len(epoch)
+        advantage = lagrangian_advantage(epoch.advantage, epoch.mask, cost, lam)
+        return advantage, LagrangianState(lam, pool)
