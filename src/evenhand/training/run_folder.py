@@ -110,7 +110,7 @@ def execute(
     with files.locked(root):
         files.sweep(root)
         prints = {
-            "settings": checkpoint.fingerprint(as_dict(settings)),
+            "settings": checkpoint.fingerprint(_apart_from_length(as_dict(settings))),
             "detector": "none" if detector is None else checkpoint.fingerprint(as_dict(detector)),
             **sources(settings),
         }
@@ -244,13 +244,19 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerS
 
 def _noted(path: Path) -> dict[str, Any]:
     """``settings.json``, which has not been changed since it was written."""
-    noted = files.read_record(path, "settings", "fingerprints", "versions")
+    noted = files.read_record(path, "settings", "fingerprints", "versions", "whole")
     prints = noted["fingerprints"]
-    if not isinstance(prints, dict) or prints.get("settings") != checkpoint.fingerprint(
-        noted["settings"]
-    ):
+    if noted["whole"] != checkpoint.fingerprint(noted["settings"]) or not isinstance(prints, dict):
         raise InputError(f"{path} was changed after the run began: restore it, or begin anew")
     return noted
+
+
+def _apart_from_length(plain: dict[str, Any]) -> dict[str, Any]:
+    """Settings but for how long the run is: a training can be extended."""
+    annealed = plain["update"]["anneal_updates"]
+    if annealed == plain["epochs"]:
+        annealed = "to the end"
+    return plain | {"epochs": None, "update": plain["update"] | {"anneal_updates": annealed}}
 
 
 def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
@@ -277,9 +283,12 @@ def _claim(
 ) -> None:
     path = root / "settings.json"
     if path.exists():
-        noted = _noted(path)
+        noted, now = _noted(path), as_dict(settings)
         _from_dict(TrainSettings, noted["settings"], path)  # another version's are no other run
-        differs = files.differences(noted["settings"], as_dict(settings))
+        differs = files.differences(noted["settings"], now)
+        extended = noted["settings"]["epochs"] < settings.epochs
+        if extended and _apart_from_length(noted["settings"]) == _apart_from_length(now):
+            differs = ""
         if not differs and noted["fingerprints"] != prints:
             names = {*prints, *noted["fingerprints"]} - {"settings"}
             other = [n for n in sorted(names) if noted["fingerprints"].get(n) != prints.get(n)]
@@ -288,13 +297,20 @@ def _claim(
             raise InputError(
                 f"{root} holds another run ({differs}): give another folder, or delete this one"
             )
+        if extended:
+            lengths = [*noted.get("extended", []), noted["settings"]["epochs"]]
+            files.write_json(path, noted | _settings_noted(now) | {"extended": lengths})
     elif any(root.glob("[!.]*")):
         raise InputError(f"{root} is not empty and holds no run: give another folder")
     else:
-        noted = {"settings": as_dict(settings), "fingerprints": prints, "versions": versions()}
-        files.write_json(path, noted | {"seed": settings.seed})
+        noted = {"fingerprints": prints, "versions": versions(), "seed": settings.seed}
+        files.write_json(path, _settings_noted(as_dict(settings)) | noted)
     if detector is not None and not (root / "detector.json").exists():
         detector_file.save(detector, root / "detector.json")
+
+
+def _settings_noted(plain: dict[str, Any]) -> dict[str, Any]:
+    return {"settings": plain, "whole": checkpoint.fingerprint(plain)}
 
 
 def _resume(

@@ -23,7 +23,7 @@ PRESETS = ("paper", "service")
 class TrainSettings:
     """One run of training."""
 
-    preset: Literal["paper", "service"] = "paper"
+    preset: Literal["paper", "service"] = "service"
     """paper: the reward is Eq. 4/5 and nothing else, and the advantage runs over people (Eq. 6).
     service: service quality plus Eq. 4/5, and every service is an episode."""
 
@@ -71,6 +71,12 @@ class TrainSettings:
         self._check_method()
         whole("seed", self.seed, 0, 2**32 - 1)
         whole("epochs", self.epochs, 1, 1_000_000)
+        if self.update.gamma is None:
+            gamma = 0.99 if self.preset == "paper" else 1.0
+            object.__setattr__(self, "update", replace(self.update, gamma=gamma))
+        if self.update.anneal_updates is None:
+            annealed = replace(self.update, anneal_updates=self.epochs)
+            object.__setattr__(self, "update", annealed)
         whole("people", self.people, 2, 10_000)
         if not 0.0 <= self.threshold < np.inf:
             raise InputError(f"threshold is {self.threshold}: give 0 or more")
@@ -130,16 +136,11 @@ def settings_of(
         epochs: updates.
         population: where people are drawn from; that of the scenario by default.
     """
-    if name not in PRESETS:
-        raise unknown("preset", name, PRESETS)
-    whole("epochs", epochs, 1, 1_000_000)
-    # a service is short: discounting inside it would only pay for haste
-    gamma = 0.99 if name == "paper" else 1.0
     return TrainSettings(
         preset=name,  # type: ignore[arg-type]
         seed=seed,
         epochs=epochs,
         population=population,
         method=method,
-        update=replace(UpdateSettings(), algorithm=algorithm, gamma=gamma, anneal_updates=epochs),
+        update=UpdateSettings(algorithm),  # type: ignore[arg-type]
     )

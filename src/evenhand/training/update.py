@@ -43,7 +43,8 @@ class UpdateSettings:
     where ppo takes many."""
 
     anneal_updates: int | None = None
-    """The learning rate falls evenly to 0 over so many updates; none keeps it as it is."""
+    """The learning rate falls evenly to 0 over so many updates; 0 keeps it as it is. None means
+    the epochs of the run."""
 
     adam_eps: float = 1e-5
     """Term in Adam's denominator."""
@@ -66,8 +67,9 @@ class UpdateSettings:
     max_grad_norm: float = 0.5
     """Longer gradients are shortened to this length."""
 
-    gamma: float = 0.99
-    """Discount: from person to person in Eq. 6, from decision to decision in an everyday run."""
+    gamma: float | None = None
+    """Discount from person to person (Eq. 6, preset paper) or from decision to decision (preset
+    service). None means 0.99 and 1: a service is short, and discounting would only pay for haste."""
 
     gae_lambda: float = 0.95
     """Trace decay of generalised advantage estimates; 1 is reward-to-go minus the critic."""
@@ -86,9 +88,10 @@ class UpdateSettings:
         for name in ("entropy_coefficient", "value_coefficient"):
             self._require(name, 0.0 <= getattr(self, name) < np.inf, "give 0 or a number above 0")
         for name in ("gamma", "gae_lambda"):
-            self._require(name, 0.0 <= getattr(self, name) <= 1.0, "give a number from 0 to 1")
+            value = getattr(self, name)
+            self._require(name, value is None or 0.0 <= value <= 1.0, "give a number from 0 to 1")
         if self.anneal_updates is not None:
-            whole("anneal_updates", self.anneal_updates, 1, 1_000_000)
+            whole("anneal_updates", self.anneal_updates, 0, 1_000_000)
         for name in ("passes", "minibatches"):
             whole(name, getattr(self, name), 1, MOST_STEPS)
 
@@ -154,7 +157,7 @@ class UpdateReport:
 
 
 def _learning_rate(settings: UpdateSettings) -> optax.ScalarOrSchedule:
-    if settings.anneal_updates is None:
+    if not settings.anneal_updates:
         return settings.step_size
     steps = settings.passes * settings.minibatches if settings.algorithm == "ppo" else 1
     return optax.linear_schedule(settings.step_size, 0.0, settings.anneal_updates * steps)
