@@ -1,7 +1,5 @@
 """What users register: names that can be, and the text of their files as a fingerprint."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import os

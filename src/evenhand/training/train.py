@@ -18,8 +18,8 @@ from evenhand.core import forks
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file, guard, registry
 from evenhand.methods.beyond.influence import CreditSettings, influence
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import floor_plan, serve_people

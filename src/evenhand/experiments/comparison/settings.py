@@ -1,7 +1,5 @@
 """What can be set of a comparison: arms, algorithms, runs; imports nothing heavy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

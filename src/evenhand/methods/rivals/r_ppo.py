@@ -9,7 +9,7 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import Past, per_service, running_scores, within
