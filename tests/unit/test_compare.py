@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evenhand.training.rivals import methods
 from scipy.stats import hypergeom
 
 from evenhand.core.errors import InputError
@@ -27,7 +28,6 @@ from evenhand.methods.services import Interactions
 from evenhand.report import figure
 from evenhand.restaurant import people, scenarios
 from evenhand.training import run_folder
-from evenhand.training.rivals import methods
 from evenhand.training.settings import TrainSettings
 
 # --- what is run ---

@@ -16,14 +16,14 @@ from evenhand.methods.guidance import (
     evenness_reward,
     guided,
 )
-from evenhand.methods.paper.scores import Scores
+from evenhand.methods.paper import issues
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
 
 # Two groups of one identity and one of another; the third has no gap in quality and priority.
 GAP = np.array([[0.2, 0.4, 0.0, 0.1], [0.6, 0.4, 1.0, 0.3], [0.5, NAN, NAN, 0.2]])
-SCORES = Scores(
+SCORES = issues.Scores(
     issues=("willingness", "quality", "priority", "risk"),
     groups=(("a", "x"), ("a", "y"), ("b", "z")),
     gap=GAP,

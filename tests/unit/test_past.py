@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evenhand.training.rivals import methods
 
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
@@ -13,7 +14,6 @@ from evenhand.methods.beyond.reflection import ReflectionSettings
 from evenhand.methods.guidance import GuidanceSettings
 from evenhand.training import train
 from evenhand.training.memory import Past
-from evenhand.training.rivals import methods
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import UpdateSettings
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from evenhand.training.rivals import base, formulas, methods
 from evenhand.training.rivals.base import EpochOutcome
 
 from evenhand.core.errors import InputError
-from evenhand.training.rivals import base, formulas, methods
 from support.rivals import NAN, TWO_GROUPS, two_groups
 
 
