@@ -14,8 +14,8 @@ import pyarrow as pa
 from evenhand.core import errors
 from evenhand.core import terminal as display
 from evenhand.study.analysis import analyse, answers, page
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design import protocol_file
 from evenhand.study.design.protocol import Protocol
 from evenhand.study.simulated import participants as simulate

@@ -39,7 +39,7 @@ _PUBLIC = {
     "register_policy": "evenhand.training.policy",
     "register_scenario": "evenhand.restaurant.worlds",
     "scenario": "evenhand.restaurant.worlds",
-    "score": "evenhand.methods.paper.issues",
+    "score": "evenhand.methods.paper.scores",
     "serve_people": "evenhand.restaurant.serve_people",
     "train": "evenhand.experiments.api",
 }

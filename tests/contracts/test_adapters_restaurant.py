@@ -11,7 +11,7 @@ from evenhand.adapters import (
     JudgeVectorServices,
     paper_scheme,
 )
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import score
 from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
@@ -79,5 +79,5 @@ def test_scores_are_those_of_the_restaurants_own_scheme():
     assert len(found) > 3
     for window in range(len(found)):
         part = table.take(table.fact("epoch") == window)
-        np.testing.assert_array_equal(issues.score(part).gap, found.scores.gap[window])
+        np.testing.assert_array_equal(score(part).gap, found.scores.gap[window])
     assert found.scores.groups == people.GROUPS

@@ -12,10 +12,10 @@ from evenhand.adapters import JudgeServices, JudgeSettings, JudgeVectorServices,
 from evenhand.core import tree
 from evenhand.core.errors import InputError
 from evenhand.methods import guidance, registry
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.guard import GUARD, Guard, Watch
 from evenhand.methods.paper import detector
 from evenhand.methods.paper.detector import WindowVerdict
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.scheme import Identity, Scheme, paper_scheme
 from support import ledgers
 from support.toys import SCHEME, Toy, facts_of

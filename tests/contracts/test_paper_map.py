@@ -13,7 +13,7 @@ from evenhand.experiments.paper import calibrate, claims, reproduce, tables
 from evenhand.experiments.paper.report import figures_biased
 from evenhand.experiments.paper.report.figures import PLATES
 from evenhand.methods import registry
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts, gaps, issue_score
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout
 from evenhand.restaurant.simulation.world import World
@@ -195,8 +195,8 @@ def score_of_rates(rates: np.ndarray) -> float:
     """I of one issue where every category is equally common and has exactly this rate."""
     rates = np.asarray(rates, float)
     inside_n, inside_x = np.ones((len(rates), 1)), rates[:, None]
-    counts = issues.Counts(inside_n, inside_x, inside_n.sum() - inside_n, inside_x.sum() - inside_x)
-    return issues.issue_score(issues.gaps(counts)).item()
+    counts = Counts(inside_n, inside_x, inside_n.sum() - inside_n, inside_x.sum() - inside_x)
+    return issue_score(gaps(counts)).item()
 
 
 @pytest.mark.parametrize(("k", "ceiling"), [(2, 1.0), (3, 2 / 3), (5, 0.6), (6, 0.6)])

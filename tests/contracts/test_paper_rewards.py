@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from evenhand.methods import detector_file
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores
 from evenhand.methods.paper.rewards import person_rewards
+from evenhand.methods.paper.scores import score
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout, task
 from evenhand.training import train
@@ -46,7 +47,7 @@ def evenness(record: train.EpochRecord, chosen: TrainSettings) -> np.ndarray:
     """Eq. 4 and 5 for each person."""
     table = record.interactions
     rewards = person_rewards(
-        issues.score(table), issues.membership(table).inside, chosen.tau, "own_groups"
+        scores.score(table), scores.membership(table).inside, chosen.tau, "own_groups"
     )
     return 0.5 * rewards if record.numbers["biased_detector"] else rewards
 
@@ -101,7 +102,7 @@ def test_only_what_the_detector_was_taught_is_judged(monkeypatch):
     record, _ = one_epoch(settings("paper"), monkeypatch)
     detector = detector_file.load(detector_file.SHIPPED)
     assert detector.identities == ("race", "gender", "age", "disability")
-    scores = issues.score(record.interactions).by_identity
+    scores = score(record.interactions).by_identity
     each = [float(detector.probability(scores[name])) for name in detector.identities]
     assert record.numbers["probability"] == pytest.approx(np.nanmax(each))
     assert record.numbers["biased_detector"] == (np.nanmax(each) > 0.5)

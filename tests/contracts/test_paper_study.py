@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evenhand.experiments.paper import questionnaire_clips as questionnaire
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import score
 from evenhand.restaurant import people
 from evenhand.study.design import protocol_file
 
@@ -64,6 +64,6 @@ def test_captions_say_who_asks(study, made, served):
 def test_scores_are_those_of_the_robots(study, made, served):
     for one in study.sets:
         [robot] = {made[name].robot for name in one.clips if made[name].role != "other"}
-        found = issues.score(served[robot].facts).by_identity
+        found = score(served[robot].facts).by_identity
         for identity, scores in one.scores.items():
             assert scores == pytest.approx(found[identity], abs=0.005)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores as paper_scores
 from evenhand.restaurant import robots, serve_people, worlds
 
 TABLE = Path(__file__).with_name("services.json")
@@ -29,7 +29,7 @@ def run(name: str) -> dict[str, Any]:
     robot = robots.ScriptedRobot(name, strength=0.9, sloppiness=0.05)
     done = serve_people.serve_people(world, robot, SERVICES, rng)
     table = serve_people.table(done, world, name, epoch=3)
-    scores = issues.score(table)
+    scores = paper_scores.score(table)
     return {
         "people": done.codes.tolist(),
         **{name: plain(table.fact(name)) for name in (*WHOLE, *METRES)},

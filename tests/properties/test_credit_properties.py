@@ -11,8 +11,8 @@ from evenhand.methods import pooling
 from evenhand.methods.beyond import gaps, levelup
 from evenhand.methods.beyond import influence as credit
 from evenhand.methods.beyond.influence import CreditSettings
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.issues import count
+from evenhand.methods.paper import scores as paper_scores
+from evenhand.methods.paper.scores import count
 
 TAU = np.array([1.0, 0.5, 2.0])
 
@@ -46,7 +46,7 @@ def test_everything_is_finite(epoch, chosen):
     found = credit.influence(x, inside, TAU, pool, chosen)
     for numbers in (found.gap, found.issue, found.total):
         assert np.isfinite(numbers).all()
-    np.testing.assert_array_equal(np.isnan(found.push), np.isnan(issues.gaps(pool)))
+    np.testing.assert_array_equal(np.isnan(found.push), np.isnan(paper_scores.gaps(pool)))
     for function in (credit.influence_reward, levelup.levelup_reward):
         assert np.isfinite(function(x, inside, TAU, pool, chosen)).all()
 
@@ -93,7 +93,7 @@ def test_levelup_never_pays_and_never_charges_the_better_off(epoch, chosen):
     x, inside, pool = epoch
     reward = levelup.levelup_reward(x, inside, TAU, pool, chosen)
     assert (reward <= 0).all()
-    worse = np.nan_to_num(inside) @ (np.nan_to_num(issues.signed_gaps(pool)) > 0)
+    worse = np.nan_to_num(inside) @ (np.nan_to_num(paper_scores.signed_gaps(pool)) > 0)
     assert (reward[(worse == 0).all(axis=1)] == 0).all()
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Scores, count, own_groups_score, scores_of
 
 NAMES = ("a", "b", "c")
 
@@ -28,8 +28,8 @@ def groups(inside: np.ndarray) -> list[tuple[str, str]]:
     return [("one", str(g)) for g in range(inside.shape[1])]
 
 
-def scored(x: np.ndarray, inside: np.ndarray) -> issues.Scores:
-    return issues.scores_of(issues.count(x, inside), groups(inside), NAMES)
+def scored(x: np.ndarray, inside: np.ndarray) -> Scores:
+    return scores_of(count(x, inside), groups(inside), NAMES)
 
 
 @given(windows())
@@ -82,8 +82,8 @@ def test_the_order_of_categories_does_not_matter(window, random):
 def test_counts_of_parts_add_up(window, data):
     x, inside = window
     cut = data.draw(st.integers(0, len(x)))
-    parts = issues.count(x[:cut], inside[:cut]) + issues.count(x[cut:], inside[cut:])
-    whole = issues.count(x, inside)
+    parts = count(x[:cut], inside[:cut]) + count(x[cut:], inside[cut:])
+    whole = count(x, inside)
     for name, value in vars(whole).items():
         np.testing.assert_array_equal(getattr(parts, name), value)
 
@@ -112,5 +112,5 @@ def test_nobody_differs_where_everybody_is_served_alike(window):
 def test_of_one_identity_everybody_s_own_score_is_their_group_s_gap(window):
     x, inside = window
     gap = scored(x, inside).gap
-    mine = issues.own_groups_score(gap, inside)
+    mine = own_groups_score(gap, inside)
     np.testing.assert_array_equal(mine, gap[inside.argmax(axis=1)])

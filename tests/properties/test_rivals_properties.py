@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper import scores
+from evenhand.methods.paper.scores import count, gaps, issue_score, total
 from evenhand.methods.rivals import a_ppo, elbert, ggf, group_dro, lagrangian, r_ppo, shared
 from support.rivals import epoch_of, scheme
 
@@ -72,12 +73,12 @@ def test_without_a_multiplier_the_advantage_stays(outcome):
 
 @given(epochs(), epochs())
 def test_the_running_score_is_the_score_of_all_so_far(before, outcome):
-    earlier = issues.count(before.x, before.inside)
+    earlier = scores.count(before.x, before.inside)
     running = shared.running_scores(outcome.x, outcome.inside, earlier)
     for t in range(len(outcome.x) + 1):
         x = np.concatenate([before.x, outcome.x[:t]])
         inside = np.concatenate([before.inside, outcome.inside[:t]])
-        score = issues.total(issues.issue_score(issues.gaps(issues.count(x, inside))))
+        score = total(issue_score(gaps(count(x, inside))))
         np.testing.assert_allclose(running[t], np.nan_to_num(score), atol=1e-12)
 
 

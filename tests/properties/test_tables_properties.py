@@ -25,7 +25,7 @@ def logs(draw: Any) -> Any:
 def found_in(log: Any, **changes: Any) -> Any:
     x, inside, n, strata, seed = log
     given = {"x": x, "inside": inside, "n": n, "strata": strata} | changes
-    return count_tables.table_test(rng=np.random.default_rng(seed), permutations=99, **given)
+    return count_tables.Table.of(**given).test(np.random.default_rng(seed), 99)
 
 
 @given(

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from evenhand.methods import detector_file, registry
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.guard import Held, Watch
 from evenhand.methods.paper.detector import WindowVerdict
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout, serve
 from evenhand.restaurant.simulation.lanes import Facts

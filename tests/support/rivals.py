@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper.scores import Counts
 
 NAN = np.nan
-NONE_EARLIER = issues.Counts(*np.zeros((4, 2, 1)))
+NONE_EARLIER = Counts(*np.zeros((4, 2, 1)))
 TWO_GROUPS = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]])
 
 

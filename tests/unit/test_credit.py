@@ -10,8 +10,8 @@ from evenhand.methods import pooling
 from evenhand.methods.beyond import gaps, levelup
 from evenhand.methods.beyond import influence as credit
 from evenhand.methods.beyond.influence import CreditSettings
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.issues import Counts, count
+from evenhand.methods.paper import scores as paper_scores
+from evenhand.methods.paper.scores import Counts, count
 from evenhand.methods.pooling import Pool
 
 NAN = np.nan
@@ -227,7 +227,7 @@ class TestNoise:
         sides = rng.binomial(24, 0.3, (2000, 1)), rng.binomial(96, 0.3, (2000, 1))
         full = np.full((2000, 1), n)
         c = Counts(full, sides[0] * 1.0, np.full((2000, 1), m), sides[1] * 1.0)
-        gap = issues.gaps(c)
+        gap = paper_scores.gaps(c)
         assert (gap * gaps.beyond_noise(c, 1.0)).mean() < gap.mean() / 3
         assert (gaps.beyond_noise(c, 2.0) > 0).mean() < 0.06
 

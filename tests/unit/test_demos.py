@@ -9,7 +9,7 @@ import pytest
 
 from evenhand.experiments.paper import demonstrations
 from evenhand.experiments.paper.demonstrations import KINDS, Demos
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import score
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import IDENTITIES
 
@@ -108,7 +108,7 @@ class TestStudy:
     def test_scores_are_those_of_each_window_and_identity(self, made, study):
         assert study.scores.shape == (WINDOWS, 4, 4)
         for w in (0, 1, 6, 39):
-            alone = issues.score(made.table.take(np.arange(30 * w, 30 * w + 30)))
+            alone = score(made.table.take(np.arange(30 * w, 30 * w + 30)))
             for i, name in enumerate(IDENTITIES):
                 np.testing.assert_array_equal(study.scores[w, i], alone.by_identity[name])
 

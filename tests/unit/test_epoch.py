@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from evenhand.methods import detector_file
-from evenhand.methods.paper import issues
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper import issues, scores
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.restaurant import people, serve_people
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.worlds import World
@@ -36,7 +36,7 @@ def epoch_of(served: serve.Services) -> Epoch:
 def test_issues_and_groups_are_those_of_the_table(served):
     found = epoch_of(served)
     table = serve_people.table(served, WORLD, "none")
-    who = issues.membership(table)
+    who = scores.membership(table)
     assert who.groups == tuple(people.GROUPS)
     np.testing.assert_array_equal(found.inside, who.inside)
     np.testing.assert_array_equal(found.x, issues.indicators(table))
@@ -46,7 +46,7 @@ def test_issues_and_groups_are_those_of_the_table(served):
 def test_scores_and_verdict_are_those_of_the_table(served):
     found = epoch_of(served)
     table = serve_people.table(served, WORLD, "none")
-    wanted = issues.score(table)
+    wanted = scores.score(table)
     np.testing.assert_array_equal(found.scores.overall, wanted.overall)
     said = DETECTOR.judge_window({name: wanted.by_identity[name] for name in DETECTOR.identities})
     np.testing.assert_array_equal(found.verdict.probability, said.probability)

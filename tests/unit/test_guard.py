@@ -9,7 +9,7 @@ from scipy import stats
 
 from evenhand.core.errors import InputError
 from evenhand.methods.guard import Guard, GuardSettings, watch, weight, worse
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 
 SETTINGS = GuardSettings()
 

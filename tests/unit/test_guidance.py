@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues, rewards
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper import rewards, scores
 from evenhand.methods.paper.detector import WindowVerdict
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.paper.rewards import TAU, Penalty, Score, check_tau, evenness_reward
 
 NAN = np.nan
@@ -17,7 +17,7 @@ RACISM = np.array([0.49, 0.25, 0.38, 0.43])
 
 # Two groups of one identity and one of another; the third has no gap in quality and priority.
 GAP = np.array([[0.2, 0.4, 0.0, 0.1], [0.6, 0.4, 1.0, 0.3], [0.5, NAN, NAN, 0.2]])
-SCORES = issues.Scores(
+SCORES = scores.Scores(
     issues=("willingness", "quality", "priority", "risk"),
     groups=(("a", "x"), ("a", "y"), ("b", "z")),
     gap=GAP,

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics import chance, intervals
 
 NAN = np.nan
@@ -90,7 +90,7 @@ class TestExcess:
             chance.even_gaps(counts((1.5, 1, 2, 1)))
 
 
-class TestShrinking:
+class TestStandardErrors:
     def test_the_standard_error_by_hand(self):
         found = chance.standard_error(counts((2, 1, 6, 1)))
         np.testing.assert_allclose(found, [[np.sqrt(0.25 / 4 + 0.25 * 0.75 / 8)]])
@@ -102,27 +102,6 @@ class TestShrinking:
         found = chance.standard_error(counts((1e6, 3e5, 2e6, 4e5)))
         np.testing.assert_allclose(found, np.sqrt(0.21 / 1e6 + 0.16 / 2e6), rtol=1e-5)
 
-    def test_both_ways_by_hand(self):
-        cell = counts((2, 0, 6, 3))
-        se = np.sqrt(0.25 * 0.75 / 4 + 0.25 / 8)
-        np.testing.assert_allclose(chance.shrunk_gaps(cell), [[-(0.5 - se)]])
-        stein = chance.shrunk_gaps(cell, strength=0.5, way="james_stein")
-        np.testing.assert_allclose(stein, [[-0.5 * (1 - 0.25 * se**2 / 0.25)]])
-        np.testing.assert_allclose(chance.shrunk_gaps(cell, strength=0.0), [[-0.5]])
-
-    @pytest.mark.parametrize("way", chance.WAYS)
-    def test_gaps_within_their_error_become_0_and_missing_stays_missing(self, way):
-        found = chance.shrunk_gaps(counts((5, 2, 5, 3), (5, 2, 5, 2), (0, 0, 5, 1)), way=way)
-        np.testing.assert_array_equal(found, [[0], [0], [NAN]])
-
-    def test_wrong_settings(self):
-        cell = counts((2, 0, 6, 3))
-        for strength in (-0.1, np.inf, NAN):
-            with pytest.raises(InputError, match="strength"):
-                chance.shrunk_gaps(cell, strength)
-        with pytest.raises(InputError, match="did you mean 'threshold'"):
-            chance.shrunk_gaps(cell, way="treshold")  # codespell:ignore
-
 
 @pytest.mark.parametrize("cell", [(4, -1, 5, 2), (4, 5, 5, 2), (NAN, 1, 5, 2), (4, 1, np.inf, 2)])
 @pytest.mark.parametrize(
@@ -131,7 +110,6 @@ class TestShrinking:
         chance.squared_gap,
         chance.even_gaps,
         chance.standard_error,
-        chance.shrunk_gaps,
         intervals.newcombe,
     ],
 )
@@ -148,5 +126,5 @@ def test_many_windows_at_once():
         np.stack([one.outside_n, two.outside_n]),
         np.stack([one.outside_x, two.outside_x]),
     )
-    for compute in (chance.squared_gap, chance.even_gaps, chance.shrunk_gaps):
+    for compute in (chance.squared_gap, chance.even_gaps):
         np.testing.assert_array_equal(compute(stacked), np.stack([compute(one), compute(two)]))

@@ -1,4 +1,4 @@
-"""Tiny intersections: counts by hand, the prior against a search on a grid."""
+"""Tiny intersections: the prior against a search on a grid."""
 
 import numpy as np
 import pytest
@@ -8,26 +8,6 @@ from evenhand.core.errors import InputError
 from evenhand.statistics import intersections
 
 NAN = np.nan
-
-
-class TestCounting:
-    def test_by_hand(self):
-        codes = np.array([[0, 1], [0, 1], [1, 0], [-1, 0], [1, 0], [0, 1]])
-        found = intersections.count_intersections(np.array([1, 0, 1, 1, NAN, 1.0]), codes)
-        np.testing.assert_array_equal(found.codes, [[0, 1], [1, 0]])
-        np.testing.assert_array_equal(found.n, [3, 1])
-        np.testing.assert_array_equal(found.cases, [2, 1])
-
-    def test_nothing_known_is_nothing_counted(self):
-        found = intersections.count_intersections(np.array([NAN]), np.array([[0, 1]]))
-        assert found.codes.shape == (0, 2)
-        assert found.n.shape == found.cases.shape == (0,)
-
-    def test_wrong_rows(self):
-        with pytest.raises(InputError, match="do not match"):
-            intersections.count_intersections(np.ones(2), np.zeros((3, 2), int))
-        with pytest.raises(InputError, match="other values"):
-            intersections.count_intersections(np.array([0.5]), np.zeros((1, 2), int))
 
 
 class TestPrior:

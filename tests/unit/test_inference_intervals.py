@@ -6,7 +6,7 @@ from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics import intervals
 
 NAN = np.nan

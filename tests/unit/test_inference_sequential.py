@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, signed_gaps
 from evenhand.statistics import sequential
 
 NAN = np.nan
@@ -14,6 +14,18 @@ NAN = np.nan
 def pairs(p, q, rng, streams, steps):
     """One person in the group less one outside it, [steps, streams]."""
     return (rng.random((steps, streams)) < p) * 1.0 - (rng.random((steps, streams)) < q)
+
+
+def first_alarm(log_wealth, alpha=0.05, streams=1):
+    """Index of the first step at which wealth reached streams/alpha, NaN if it never did."""
+    reached = log_wealth >= np.log(streams / alpha)
+    return np.where(reached.any(axis=0), reached.argmax(axis=0), NAN)
+
+
+def batches(x, inside, size):
+    """Signed gaps of batches of services in order of time, [n // size, G, K]."""
+    parts = (a.reshape(-1, size, a.shape[1]) for a in (x, inside))
+    return signed_gaps(count(*parts))
 
 
 class TestBets:
@@ -57,28 +69,16 @@ class TestBets:
 
 
 class TestAlarms:
-    def test_the_first_crossing(self):
-        wealth = np.log([[1, 1], [20, 5], [1, 19.9]])
-        np.testing.assert_array_equal(sequential.first_alarm(wealth), [1, NAN])
-        np.testing.assert_array_equal(sequential.first_alarm(wealth, streams=2), [NAN, NAN])
-        np.testing.assert_array_equal(sequential.first_alarm(wealth[:0]), [NAN, NAN])
-
-    def test_wrong_settings(self):
-        with pytest.raises(InputError, match="alpha"):
-            sequential.first_alarm(np.zeros(3), alpha=0)
-        with pytest.raises(InputError, match="streams"):
-            sequential.first_alarm(np.zeros(3), streams=0)
-
     @pytest.mark.parametrize("alpha", [0.05, 0.2])
     def test_looking_all_the_time_at_even_streams_seldom_alarms(self, alpha):
         path, _ = sequential.watch(pairs(0.3, 0.3, np.random.default_rng(1), 2000, 1000))
-        alarms = int((~np.isnan(sequential.first_alarm(path, alpha))).sum())
+        alarms = int((~np.isnan(first_alarm(path, alpha))).sum())
         assert 0 < alarms <= binom.ppf(0.999, 2000, alpha)
 
     def test_drift_that_everybody_shares_raises_no_more(self):
         rate = (0.5 + 0.4 * np.sin(np.arange(1000) / 60))[:, None]
         path, _ = sequential.watch(pairs(rate, rate, np.random.default_rng(2), 2000, 1000))
-        alarms = int((~np.isnan(sequential.first_alarm(path))).sum())
+        alarms = int((~np.isnan(first_alarm(path))).sum())
         assert 0 < alarms <= binom.ppf(0.999, 2000, 0.05)
 
     def test_known_disparities_are_found(self):
@@ -86,7 +86,7 @@ class TestAlarms:
         times = []
         for p in (0.4, 0.5, 0.7):
             path, _ = sequential.watch(pairs(p, 0.3, rng, 300, 1000))
-            first = sequential.first_alarm(path)
+            first = first_alarm(path)
             times.append(np.where(np.isnan(first), 1000, first))
         shares = [(t < 1000).mean() for t in times]
         assert shares[0] > 0.6
@@ -112,34 +112,17 @@ class TestCombined:
             [np.eye(k)[rng.integers(0, k, (batches, runs, 30))] for k in (3, 2)], axis=-1
         )
         x = (rng.random((batches, runs, 30, 2)) < 0.3) * 1.0
-        gaps = issues.signed_gaps(issues.count(x, inside))
+        gaps = signed_gaps(count(x, inside))
         path = sequential.combined(sequential.watch(gaps)[0])
-        alarms = int((~np.isnan(sequential.first_alarm(path, 0.2))).sum())
+        alarms = int((~np.isnan(first_alarm(path, 0.2))).sum())
         assert 0 < alarms <= binom.ppf(0.999, runs, 0.2)
 
     def test_one_uneven_group_among_even_ones_is_found(self):
         rng = np.random.default_rng(5)
         inside = np.eye(3)[rng.integers(0, 3, 6000)]
         x = (rng.random((6000, 2)) < 0.2 + 0.3 * inside[:, :1] * [1, 0]) * 1.0
-        path, _ = sequential.watch(sequential.batch_gaps(x, inside, 30))
-        assert sequential.first_alarm(sequential.combined(path)) < 100
-        found = sequential.first_alarm(path, streams=6)
+        path, _ = sequential.watch(batches(x, inside, 30))
+        assert first_alarm(sequential.combined(path)) < 100
+        found = first_alarm(path, streams=6)
         assert not np.isnan(found[0, 0])
         assert np.isnan(found[:, 1]).all()
-
-
-class TestBatches:
-    def test_by_hand(self):
-        x = np.array([[1], [0], [1], [1], [NAN], [0], [1]], float)
-        inside = np.array([[1], [0], [1], [0], [1], [0], [1]], float)
-        # Batches of three: 1 against 0; then one side does not apply; the last waits.
-        np.testing.assert_array_equal(sequential.batch_gaps(x, inside, 3), [[[1]], [[NAN]]])
-
-    def test_a_log_shorter_than_a_batch_has_none(self):
-        assert sequential.batch_gaps(np.ones((3, 2)), np.ones((3, 4)), 5).shape == (0, 4, 2)
-
-    def test_wrong_input(self):
-        with pytest.raises(InputError, match="size is 1"):
-            sequential.batch_gaps(np.ones((3, 2)), np.ones((3, 4)), 1)
-        with pytest.raises(InputError, match="do not match"):
-            sequential.batch_gaps(np.ones((3, 2)), np.ones((4, 4)), 2)

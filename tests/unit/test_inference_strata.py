@@ -6,7 +6,7 @@ from statsmodels.stats.contingency_tables import StratifiedTable
 from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.permutation import studentised
 from evenhand.statistics.strata import mantel_haenszel
 

@@ -20,6 +20,10 @@ INSIDE = np.array([[1, 0, 1], [1, 0, 0], [1, 0, 1], [0, 1, 1], [0, 1, 0], [0, 1,
 N = np.array([1, 1, 1, 2, 1, 1])
 
 
+def found_in(x, inside, n, rng, permutations=2000, strata=None, who=None, totalled=None):
+    return count_tables.Table.of(x, inside, n, strata, who).test(rng, permutations, totalled)
+
+
 def rows(values, n):
     return np.repeat(np.asarray(values), n, axis=0)
 
@@ -69,7 +73,7 @@ def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypat
     exact = permutation.against_orders(
         rows(X, N), rows(INSIDE, N), [every], None if strata is None else place
     )
-    found = count_tables.table_test(X, INSIDE, N, np.random.default_rng(1), PERMUTATIONS, given)
+    found = found_in(X, INSIDE, N, np.random.default_rng(1), PERMUTATIONS, given)
     np.testing.assert_allclose(found.statistic, exact.statistic)
     assert near(found.p, exact.p, PERMUTATIONS).all()
     assert near(found.p_adjusted, exact.p_adjusted, PERMUTATIONS).all()
@@ -92,7 +96,7 @@ def test_the_same_as_shuffling_a_row_for_each_service(cheaper, monkeypatch):
     by_rows = permutation.permutation_test(
         rows(x, n), rows(inside, n).astype(float), rng, b, rows(strata, n)
     )
-    found = count_tables.table_test(x, inside, n, rng, b, strata)
+    found = found_in(x, inside, n, rng, b, strata)
     np.testing.assert_allclose(found.statistic, by_rows.statistic)
     for a, e in ((found.p, by_rows.p), (found.p_adjusted, by_rows.p_adjusted)):
         # Both are drawn: five standard errors of a difference.
@@ -115,7 +119,7 @@ def test_scipy_s_permutation_test_of_one_gap():
         alternative="greater",
         rng=np.random.default_rng(3),
     ).pvalue
-    found = count_tables.table_test(x, inside, table.ravel(), np.random.default_rng(4), 9999)
+    found = found_in(x, inside, table.ravel(), np.random.default_rng(4), 9999)
     assert found.p[0, 0] == pytest.approx(oracle, abs=5 * math.sqrt(2 * oracle / 9999))
     assert 0.05 < oracle < 0.15
 
@@ -123,7 +127,7 @@ def test_scipy_s_permutation_test_of_one_gap():
 def test_ten_million_services_follow_the_normal_law():
     n = np.array([500_900, 4_499_100, 500_000, 4_500_000])
     x, inside = np.array([[1], [0], [1], [0.0]]), np.array([[1, 0], [1, 0], [0, 1], [0, 1.0]])
-    found = count_tables.table_test(x, inside, n, np.random.default_rng(5), PERMUTATIONS)
+    found = found_in(x, inside, n, np.random.default_rng(5), PERMUTATIONS)
     # 900 more cases among 5 million: half of it, 450, over sqrt(N r (1 − r) / 4), r = 0.10009.
     z = 450 / math.sqrt(10_000_000 * 0.10009 * 0.89991 / 4)
     assert found.statistic[:, 0] == pytest.approx([z, -z], rel=1e-6)
@@ -137,7 +141,7 @@ def test_ten_million_services_follow_the_normal_law():
 @pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
 def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monkeypatch):
     def test(seed):
-        return count_tables.table_test(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
+        return found_in(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
 
     monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     whole = test(8)
@@ -157,10 +161,8 @@ def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monk
 def test_kinds_of_people_once_and_rows_without_services():
     kinds, who = np.array([[1, 0], [0, 1]], bool), np.array([0, 1, 1, 0, 1])
     x, n = np.array([[1], [0], [1], [0], [1.0]]), np.array([8, 9, 3, 4, 0])
-    short = count_tables.table_test(x, kinds, n, np.random.default_rng(6), 500, who=who)
-    long = count_tables.table_test(
-        x[:4], kinds[who[:4]].astype(float), n[:4], np.random.default_rng(6), 500
-    )
+    short = found_in(x, kinds, n, np.random.default_rng(6), 500, who=who)
+    long = found_in(x[:4], kinds[who[:4]].astype(float), n[:4], np.random.default_rng(6), 500)
     np.testing.assert_array_equal(short.p_adjusted, long.p_adjusted)
     np.testing.assert_array_equal(short.even_gap, long.even_gap)
     assert short.total == pytest.approx(8 / 12 - 3 / 12)
@@ -169,7 +171,7 @@ def test_kinds_of_people_once_and_rows_without_services():
 def test_the_total_of_the_first_groups_only():
     x, n = np.array([[1], [0], [1], [0.0]]), np.array([3, 1, 2, 6])
     inside = np.array([[1, 1, 0], [1, 0, 1], [0, 1, 0], [0, 0, 0.0]])
-    found = count_tables.table_test(x, inside, n, np.random.default_rng(7), 99, totalled=1)
+    found = found_in(x, inside, n, np.random.default_rng(7), 99, totalled=1)
     assert found.total == pytest.approx(3 / 4 - 2 / 8)
 
 
@@ -191,4 +193,4 @@ def test_wrong_input():
     ]
     for given, named, part in cases:
         with pytest.raises(InputError, match=part):
-            count_tables.table_test(given[0], given[1], given[2], rng, **named)
+            found_in(given[0], given[1], given[2], rng, **named)

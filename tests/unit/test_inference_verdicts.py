@@ -1,15 +1,16 @@
 """Three-state verdicts, how many services would be enough, and simulated windows."""
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import binom, norm
+from scipy.stats import binom, hypergeom, norm
 from statsmodels.stats.proportion import samplesize_proportions_2indep_onetail
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count
-from evenhand.statistics import power, verdicts
+from evenhand.methods.paper.scores import Counts, count
+from evenhand.statistics import permutation, power, verdicts
 from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE, VerdictSettings
 
 NAN = np.nan
@@ -18,6 +19,16 @@ NAN = np.nan
 def counts(*cells) -> Counts:
     """Cells (n, x, m, y) as groups of one issue."""
     return Counts(*np.array(cells, float).T[..., None])
+
+
+def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> verdicts.Verdicts:
+    """Verdicts from counts alone, by Fisher's exact test and Holm's adjustment."""
+    n, x, m, y = (getattr(counts, f.name) for f in fields(counts))
+    tails = hypergeom.cdf(x, n + m, x + y, n), hypergeom.sf(x - 1, n + m, x + y, n)
+    p = np.where((n > 0) & (m > 0), np.minimum(1.0, 2 * np.minimum(*tails)), NAN)
+    adjusted = permutation.holm(p.ravel()).reshape(p.shape)
+    chosen = settings or VerdictSettings()
+    return verdicts._verdicts(counts, p, adjusted, adjusted, chosen)
 
 
 class TestNeeded:
@@ -60,7 +71,7 @@ class TestNeeded:
 
 class TestVerdicts:
     def test_the_three_states_from_counts(self):
-        found = verdicts.judge_counts(
+        found = judge_counts(
             counts(
                 (2000, 900, 2000, 600),  # a clear difference
                 (2000, 600, 2000, 600),  # none, and many services
@@ -81,13 +92,13 @@ class TestVerdicts:
         assert found.needed[2, 0] == 200 * found.needed_side[2, 0]
 
     def test_a_disparity_in_few_services_is_a_disparity(self):
-        found = verdicts.judge_counts(counts((12, 12, 12, 0)))
+        found = judge_counts(counts((12, 12, 12, 0)))
         assert found.verdict.item() == DISPARITY
         assert found.needed_side.item() > 12
 
     def test_limits_hold_together(self):
-        alone = verdicts.judge_counts(counts((50, 15, 50, 20)))
-        among = verdicts.judge_counts(counts((50, 15, 50, 20), (50, 15, 50, 15)))
+        alone = judge_counts(counts((50, 15, 50, 20)))
+        among = judge_counts(counts((50, 15, 50, 20), (50, 15, 50, 15)))
         assert among.low[0, 0] < alone.low[0, 0] < alone.high[0, 0] < among.high[0, 0]
 
     def test_rows_and_counts_agree_on_clear_windows(self):
@@ -95,7 +106,7 @@ class TestVerdicts:
         inside = np.eye(2)[np.arange(400) // 200]
         x = np.stack([np.arange(400) < 100, np.arange(400) % 2 == 0, np.arange(400) < 0], 1) * 1.0
         rows = verdicts.judge(x, inside, rng, VerdictSettings(delta=0.3))
-        alone = verdicts.judge_counts(count(x, inside), VerdictSettings(delta=0.3))
+        alone = judge_counts(count(x, inside), VerdictSettings(delta=0.3))
         expected = [[DISPARITY, NO_EVIDENCE, NO_EVIDENCE]] * 2
         assert rows.verdict.tolist() == alone.verdict.tolist() == expected
         np.testing.assert_array_equal(rows.gap[:, 0], [0.5, -0.5])
@@ -141,7 +152,7 @@ class TestVerdicts:
         place[:shared] = 1
         inside = (np.arange(4000) < 2000).astype(float)[:, None]
         x = (np.arange(4000) % 10 == 0).astype(float)[:, None]
-        assert verdicts.judge_counts(count(x, inside)).verdict.item() == NO_EVIDENCE
+        assert judge_counts(count(x, inside)).verdict.item() == NO_EVIDENCE
         rng = np.random.default_rng(3)
         rows = verdicts.judge(x, inside, rng, strata=place)
         table, _ = verdicts.judge_table(x, inside, np.ones(4000, int), rng, strata=place)

@@ -8,6 +8,7 @@ from fairlearn.metrics import demographic_parity_difference
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores as paper_scores
 from evenhand.methods.paper.issues import PAPER_ISSUES, Thresholds, paper_issues
 from evenhand.methods.services import Interactions
 
@@ -138,7 +139,7 @@ class TestIndicators:
         table = Interactions.build(
             {"a": (np.array([0, 0, 1]), ("x", "y"))}, {"path_length": [6.0, 1.0, 2.0]}
         )
-        scores = issues.score(table, [far])
+        scores = paper_scores.score(table, [far])
         assert scores.issues == ("detour",)
         assert scores.overall == pytest.approx([0.5])
 
@@ -159,13 +160,13 @@ class TestIndicators:
 
 class TestScores:
     def test_gaps_by_hand(self):
-        scores = issues.score(window())
+        scores = paper_scores.score(window())
         assert scores.groups == GROUPS
         assert scores.issues == ("willingness", "quality", "priority", "risk")
         np.testing.assert_allclose(scores.gap, GAP, rtol=1e-12)
 
     def test_scores_by_hand(self):
-        scores = issues.score(window())
+        scores = paper_scores.score(window())
         # (1/12 + 1/2 + 5/6 + 1/2 + 1/2)/5, (2/3 + 2/3 + 1/6 + 1/6)/4, ...
         np.testing.assert_allclose(scores.overall, [29 / 60, 5 / 12, 1 / 3, 1 / 5], rtol=1e-12)
         np.testing.assert_allclose(
@@ -176,22 +177,22 @@ class TestScores:
         )
 
     def test_totals_by_hand(self):
-        scores = issues.score(window())
+        scores = paper_scores.score(window())
         assert scores.total == pytest.approx(43 / 30)
         assert scores.total_of("gender") == pytest.approx(53 / 36)
         assert scores.total_of("disability") == pytest.approx(17 / 12)
 
     def test_what_cannot_be_said_is_counted(self):
-        np.testing.assert_array_equal(issues.score(window()).missing, [0, 1, 1, 0])
+        np.testing.assert_array_equal(paper_scores.score(window()).missing, [0, 1, 1, 0])
 
     def test_the_sign_says_who_has_it_worse(self):
-        who = issues.membership(window())
-        signed = issues.signed_gaps(issues.count(np.array(HAPPENED, float), who.inside))
+        who = paper_scores.membership(window())
+        signed = paper_scores.signed_gaps(paper_scores.count(np.array(HAPPENED, float), who.inside))
         np.testing.assert_allclose(signed[1], [-1 / 2, 2 / 3, -1 / 6, 1 / 12], rtol=1e-12)
 
     def test_counts_by_hand(self):
-        who = issues.membership(window())
-        counts = issues.count(np.array(HAPPENED, float), who.inside)
+        who = paper_scores.membership(window())
+        counts = paper_scores.count(np.array(HAPPENED, float), who.inside)
         # Female: three services, two of them with a response
         np.testing.assert_array_equal(counts.inside_n[0], [3, 2, 2, 3])
         np.testing.assert_array_equal(counts.inside_x[0], [1, 0, 1, 1])
@@ -200,33 +201,33 @@ class TestScores:
 
     def test_one_group_alone_has_no_other_side(self):
         alone = window([("Female", "Yes", 10, 1.2, 1.2)] * 3)
-        scores = issues.score(alone)
+        scores = paper_scores.score(alone)
         assert np.isnan(scores.gap).all()
         assert np.isnan(scores.overall).all()
         assert np.isnan(scores.total)
         np.testing.assert_array_equal(scores.missing, [5, 5, 5, 5])
 
     def test_nobody_known(self):
-        scores = issues.score(window([(None, None, 10, 1.2, 1.2)] * 3))
+        scores = paper_scores.score(window([(None, None, 10, 1.2, 1.2)] * 3))
         assert np.isnan(scores.total)
 
     def test_a_window_without_services(self):
-        scores = issues.score(window().take(np.zeros(8, bool)))
+        scores = paper_scores.score(window().take(np.zeros(8, bool)))
         assert np.isnan(scores.gap).all()
 
     def test_a_total_leaves_out_what_is_missing(self):
         parts = np.array([[0.1, NAN, 0.2, NAN], [NAN] * 4, [0.1, 0.2, 0.3, 0.4]])
-        np.testing.assert_allclose(issues.total(parts), [0.3, NAN, 1.0])
+        np.testing.assert_allclose(paper_scores.total(parts), [0.3, NAN, 1.0])
 
     def test_many_windows_at_once_are_each_window_alone(self):
         rng = np.random.default_rng(4)
         x = np.where(rng.random((7, 30, 4)) < 0.2, NAN, rng.integers(0, 2, (7, 30, 4)))
         inside = np.where(rng.random((7, 30, 5)) < 0.1, NAN, rng.integers(0, 2, (7, 30, 5)))
         names = ("a", "b", "c", "d")
-        together = issues.scores_of(issues.count(x, inside), GROUPS, names)
+        together = paper_scores.scores_of(paper_scores.count(x, inside), GROUPS, names)
         assert together.total.shape == (7,)
         for i in range(7):
-            alone = issues.scores_of(issues.count(x[i], inside[i]), GROUPS, names)
+            alone = paper_scores.scores_of(paper_scores.count(x[i], inside[i]), GROUPS, names)
             np.testing.assert_array_equal(together.gap[i], alone.gap)
             np.testing.assert_array_equal(together.overall[i], alone.overall)
             np.testing.assert_array_equal(together.missing[i], alone.missing)
@@ -237,24 +238,24 @@ class TestScores:
 
     def test_groups_are_needed(self):
         with pytest.raises(InputError, match="there are no identities"):
-            issues.score(Interactions.build({}, {"responded": [True]}))
+            paper_scores.score(Interactions.build({}, {"responded": [True]}))
 
     def test_an_absent_fact(self):
         table = Interactions.build({"a": (np.array([0]), ("x",))}, {"responded": [True]})
         with pytest.raises(InputError, match="'quality' needs the fact 'response_distance'"):
-            issues.score(table)
+            paper_scores.score(table)
 
 
 class TestMembership:
     def test_columns_of_an_identity(self):
-        who = issues.membership(window())
+        who = paper_scores.membership(window())
         assert who.identities == ("gender", "disability")
         assert who.columns("disability").tolist() == [3, 4]
         with pytest.raises(InputError, match="unknown identity 'gendre': did you mean 'gender'"):
             who.columns("gendre")
 
     def test_unknown_is_neither_inside_nor_outside(self):
-        inside = issues.membership(window()).inside
+        inside = paper_scores.membership(window()).inside
         np.testing.assert_array_equal(inside[0], [1, 0, 0, 1, 0])
         np.testing.assert_array_equal(inside[5], [0, 1, 0, NAN, NAN])
         np.testing.assert_array_equal(inside[7], [NAN, NAN, NAN, 1, 0])
@@ -262,7 +263,7 @@ class TestMembership:
 
 class TestOwnGroups:
     def test_by_hand(self):
-        mine = issues.own_groups_score(GAP, issues.membership(window()).inside)
+        mine = paper_scores.own_groups_score(GAP, paper_scores.membership(window()).inside)
         np.testing.assert_allclose(mine[0], [7 / 24, 5 / 12, 1 / 3, 1 / 6], rtol=1e-12)
         # a man whose disability is not known: his gender alone
         np.testing.assert_allclose(mine[5], GAP[1], rtol=1e-12)
@@ -274,7 +275,7 @@ class TestOwnGroups:
         gap = np.array([[NAN, 0.5], [0.25, NAN]])
         inside = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [NAN, NAN]])
         np.testing.assert_array_equal(
-            issues.own_groups_score(gap, inside),
+            paper_scores.own_groups_score(gap, inside),
             [[NAN, 0.5], [0.25, NAN], [0.25, 0.5], [NAN, NAN]],
         )
 
@@ -331,7 +332,7 @@ def test_a_plain_loop_agrees(seed):
         for i in range(n)
     ]
     gaps, overall = plain_scores(rows, [range(s) for s in sizes])
-    scores = issues.score(table)
+    scores = paper_scores.score(table)
     for g, (identity, category) in enumerate(scores.groups):
         for k in range(4):
             known = gaps.get((int(identity[-1]), int(category), k))
@@ -346,8 +347,8 @@ def test_fairlearn_agrees_on_two_categories(seed):
     rng = np.random.default_rng(seed)
     inside = rng.integers(0, 2, 50)
     x = rng.integers(0, 2, (50, 4)).astype(float)
-    counts = issues.count(x, np.stack([inside, 1 - inside], axis=1).astype(float))
+    counts = paper_scores.count(x, np.stack([inside, 1 - inside], axis=1).astype(float))
     for k in range(4):
         theirs = demographic_parity_difference(x[:, k], x[:, k], sensitive_features=inside)
-        assert issues.gaps(counts)[:, k] == pytest.approx([theirs, theirs])
-        assert issues.issue_score(issues.gaps(counts))[k] == pytest.approx(theirs)
+        assert paper_scores.gaps(counts)[:, k] == pytest.approx([theirs, theirs])
+        assert paper_scores.issue_score(paper_scores.gaps(counts))[k] == pytest.approx(theirs)

@@ -19,7 +19,7 @@ from evenhand.methods import registry
 from evenhand.methods.beyond.influence import CreditSettings, influence_reward
 from evenhand.methods.beyond.levelup import levelup_reward
 from evenhand.methods.guidance import Guidance
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.restaurant import people
 from evenhand.training.memory import Memory
 from support.lessons import (

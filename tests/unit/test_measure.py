@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores as paper_scores
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import ScriptedRobot
@@ -46,7 +46,7 @@ class TestWindows:
         windows = evaluate.window_scores(table)
         assert windows.total.shape == (3,)  # the last ten services fill no window
         for w in range(3):
-            alone = issues.score(table.take(np.arange(30 * w, 30 * w + 30)))
+            alone = paper_scores.score(table.take(np.arange(30 * w, 30 * w + 30)))
             np.testing.assert_array_equal(windows.gap[w], alone.gap)
             np.testing.assert_array_equal(windows.total[w], alone.total)
             for name, score in alone.by_identity.items():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores
 from evenhand.methods.rivals import a_ppo, elbert, lagrangian, r_ppo, shared
 from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, epoch_of, scheme, two_groups
 
@@ -48,13 +48,13 @@ class TestRunningScore:
     def test_earlier_services_are_pooled(self):
         # before: one of a without the issue, one of b with it. a 0, b 1; a 1/2, b 1; a 1/2, b 1/2;
         # a 1/3, b 1/2; a 1/3, b 2/3
-        earlier = issues.count(np.array([[0.0], [1.0]]), TWO_GROUPS[:2])
+        earlier = scores.count(np.array([[0.0], [1.0]]), TWO_GROUPS[:2])
         score = shared.running_scores(self.X, TWO_GROUPS, earlier)
         np.testing.assert_allclose(score, [1.0, 1 / 2, 0.0, 1 / 6, 1 / 3])
 
     def test_issues_add_up_and_some_do_not_apply(self):
         x = np.array([[1.0, NAN], [0.0, 0.0], [NAN, 1.0]])
-        score = shared.running_scores(x, TWO_GROUPS[:3], issues.Counts(*np.zeros((4, 2, 2))))
+        score = shared.running_scores(x, TWO_GROUPS[:3], scores.Counts(*np.zeros((4, 2, 2))))
         # the second issue can be compared from the third service on: 1 + 1
         np.testing.assert_allclose(score, [0.0, 0.0, 1.0, 2.0])
 

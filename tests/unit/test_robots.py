@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper import scores
 from evenhand.restaurant import people, robots, serve_people
 from evenhand.restaurant.robots import BIASES, MANNERS, NAMES, ScriptedRobot
 from evenhand.restaurant.worlds import World
@@ -202,7 +202,7 @@ class TestManners:
 def test_a_biased_robot_is_uneven_about_its_own_identity(name, identity):
     world = World()
     done = serve_people.serve_people(world, ScriptedRobot(name), 600, np.random.default_rng(7))
-    scores = issues.score(serve_people.table(done, world, name))
-    totals = {one.name: float(scores.total_of(one.name)) for one in people.IDENTITIES}
+    found = scores.score(serve_people.table(done, world, name))
+    totals = {one.name: float(found.total_of(one.name)) for one in people.IDENTITIES}
     assert max(totals, key=lambda one: totals[one]) == identity
     assert totals[identity] > 2 * max(v for one, v in totals.items() if one != identity)

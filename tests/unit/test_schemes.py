@@ -8,6 +8,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import detector, issues
+from evenhand.methods.paper.scores import score
 from evenhand.methods.scheme import Fact, Identity, Scheme, own_issue, paper_scheme
 from evenhand.methods.services import Interactions
 from evenhand.statistics import verdicts
@@ -64,7 +65,7 @@ class TestScores:
         assert scores.total == pytest.approx(np.mean(GAPS, axis=0).sum())
 
     def test_the_same_without_a_scheme(self):
-        np.testing.assert_allclose(issues.score(TABLE, SCHEME.issues).gap, GAPS)
+        np.testing.assert_allclose(score(TABLE, SCHEME.issues).gap, GAPS)
 
     def test_a_reference_group_is_the_other_side(self):
         named = Identity("colour", COLOUR.groups, reference="red")

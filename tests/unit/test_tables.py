@@ -53,13 +53,6 @@ class TestWriting:
             tables.write(tmp_path / "no" / "t.csv", [{"a": 1}])
 
 
-def test_mean_interval_by_hand():
-    # mean 2, s = 1, 1.96·1/√3
-    found = tables.mean_interval(np.array([1.0, NAN, 2.0, 3.0]))
-    assert found == pytest.approx((2.0, 2 - 1.131607, 2 + 1.131607), abs=1e-6)
-    assert tables.mean_interval(np.array([0.0, 1.0]), most=1.0) == (0.5, 0.0, 1.0)
-
-
 @pytest.mark.parametrize("categories", [2, 3, 5, 6])
 def test_the_ceiling_is_the_best_of_all_rates_of_0_and_1(categories):
     best = 0.0

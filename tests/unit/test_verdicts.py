@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenhand.experiments.paper import verdicts
+from evenhand.experiments.paper import claims as verdicts
 
 NAN = float("nan")
 YES, NO = "reproduced", "contradicted"
@@ -68,11 +68,6 @@ class TestVerdicts:
     )  # fmt: skip
     def test_above_zero(self, low, high, verdict):
         assert verdicts.above_zero(low, high) == verdict
-
-    def test_t_interval_by_hand(self):
-        low, high = verdicts.t_interval(np.array([1.0, 2.0, 3.0]))
-        assert (low, high) == pytest.approx((2 - 2.484138, 2 + 2.484138), abs=1e-6)
-        assert np.isnan(verdicts.t_interval(np.array([1.0]))).all()
 
     @pytest.mark.parametrize(
         ("given", "said"),

@@ -16,11 +16,6 @@ from evenhand.methods.scheme import Fact, Identity, Scheme
 def checked(scheme: Scheme, ended: Ended, told: Any) -> tuple[np.ndarray, np.ndarray]:
     """Groups and facts of m services.
 
-    Args:
-        scheme: what is wanted.
-        ended: the episodes that were asked about.
-        told: what the facts function gave.
-
     Returns:
         Codes of groups, int64 [m, D], and facts, float64 [m, F] in the order of the scheme, NaN
         where missing.
@@ -67,7 +62,6 @@ def which(ended: Ended, row: int | None = None) -> str:
 
 
 def _listed(name: str, ended: Ended, values: Any) -> np.ndarray:
-    """One value an episode, as an array."""
     if isinstance(values, np.ma.MaskedArray):
         mask = np.ma.getmaskarray(values)
         values = np.array(values.data, dtype=object)

@@ -18,11 +18,11 @@ import numpy as np
 from evenhand.core import tree
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods import guidance, registry
+from evenhand.methods.epoch import Epoch, judge_of
 from evenhand.methods.guard import GUARD, Guard, Held, Watch
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.epoch import Epoch, judge_of
-from evenhand.methods.paper.issues import Counts, Scores
 from evenhand.methods.paper.rewards import check_tau
+from evenhand.methods.paper.scores import Counts, Scores
 from evenhand.methods.scheme import Scheme
 from evenhand.statistics import chance
 

@@ -6,13 +6,16 @@ info as well. Sums, lengths and order are worked out for some hundred steps at o
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
-from evenhand.adapters.episodes import Info, together
+from evenhand.adapters.episodes import FINAL_INFO, FINAL_OBS, Info, together
 from evenhand.adapters.sampler import BLOCK
+from evenhand.core.errors import InputError, unknown
 
 STEPS = BLOCK
 """Steps that are noted before they are cut into episodes, at most."""
@@ -56,12 +59,7 @@ class Track:
     """
 
     def __init__(self, lanes: int, mode: AutoresetMode) -> None:
-        """Begin with nothing.
-
-        Args:
-            lanes: how many, n.
-            mode: what they do after an end.
-        """
+        """Begin with nothing."""
         self.rewards = np.empty((STEPS, lanes))
         self.step = 0
         self.ends: list[End] = []
@@ -147,7 +145,6 @@ class Track:
         return found if len(lane) else None
 
     def _carry(self, flat: np.ndarray, by_lane: np.ndarray, stop: np.ndarray) -> None:
-        """Totals and lengths of the episodes that go on."""
         begin = np.zeros(self._lanes, np.int64)
         begin[by_lane] = stop  # of several in a lane the last one stays
         fresh = np.zeros(self._lanes, bool)
@@ -182,3 +179,51 @@ def _sums(flat: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     if not len(begin):
         return np.zeros(0)
     return np.add.reduceat(flat, np.stack([begin, end], axis=1).ravel())[::2]
+
+
+def mode_of(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
+    """What a vector environment does after the end of an episode.
+
+    Raises:
+        InputError: when its metadata do not say, or name no such mode.
+    """
+    said = env.metadata.get("autoreset_mode")
+    if said is None:
+        raise InputError(
+            f"{env} does not say how it resets: set metadata['autoreset_mode'] to its "
+            "gymnasium.vector.AutoresetMode"
+        )
+    try:
+        return AutoresetMode(said)
+    except ValueError:
+        raise unknown("autoreset mode", str(said), [m.value for m in AutoresetMode]) from None
+
+
+def statistics_of(env: VectorEnv[Any, Any, Any]) -> tuple[str, ...]:
+    """Names under which Gymnasium's ``RecordEpisodeStatistics`` around an environment tells."""
+    found: list[str] = []
+    while isinstance(env, VectorWrapper):
+        if isinstance(env, RecordEpisodeStatistics):
+            found.append(env._stats_key)
+        env = env.env
+    return tuple(found)
+
+
+def parted(info: Info, statistics: Collection[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What is said of the episodes that ended in a step, and of those that began in the same one.
+
+    Args:
+        info: of a step of an environment that resets in the step in which an episode ends.
+        statistics: names beside the final info that are of the end.
+    """
+    last = dict(info.get(FINAL_INFO, {}))
+    begun = {
+        name: value
+        for name, value in info.items()
+        if name.removeprefix("_") not in (FINAL_INFO, FINAL_OBS)
+    }
+    for name in statistics:
+        for one in (name, f"_{name}"):
+            if one in begun:
+                last.setdefault(one, begun.pop(one))
+    return last, begun

@@ -14,8 +14,8 @@ from evenhand.adapters.guidance import Guide, JudgeSettings, asked_about, judged
 from evenhand.core import tree
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import Counts, Scores, count, scores_of
-from evenhand.methods.paper.service import Service
+from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
+from evenhand.methods.printed import Service
 from evenhand.methods.scheme import Scheme
 from evenhand.methods.services import Interactions
 from evenhand.statistics import chance, verdicts

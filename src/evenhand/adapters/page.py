@@ -11,6 +11,7 @@ import dataclasses
 import re
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -20,21 +21,23 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from evenhand.adapters.ledger import Ledger
-from evenhand.adapters.updates import Examined, caption, updates_table
-from evenhand.adapters.verdict import findings_of
-from evenhand.audits.judge.results import AuditSettings, Findings
+from evenhand.audits.judge.results import AuditSettings, Findings, listed, overall
 from evenhand.audits.show import figures as audit_figures
 from evenhand.audits.show import sentences
 from evenhand.audits.show.wording import level
 from evenhand.core import files
 from evenhand.core.errors import InputError
+from evenhand.core.wording import percent
 from evenhand.methods import registry
+from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
 from evenhand.report import figure as figures
 from evenhand.report import page as html
 from evenhand.report import reflection_figure, style
 from evenhand.report.figure import Drawn, Plate
 from evenhand.report.read_tables import Results
 from evenhand.report.table import Table, say, table, trailing_mean
+from evenhand.statistics.chance import even_gaps
+from evenhand.statistics.verdicts import judge_table
 
 AVERAGE = 20
 """Windows in a running mean."""
@@ -227,7 +230,6 @@ def _windows(data: Table, wide: bool) -> Figure:
 
 
 def _told(findings: Findings) -> list[str]:
-    """Verdict, disparities and total in sentences."""
     return [
         sentences.verdict_sentence(findings),
         *sentences.disparity_sentences(findings),
@@ -299,3 +301,81 @@ def _files(names: Sequence[str]) -> list[str]:
         numbered = (f"{plain}_{number}" for number in count(2))
         found.append(next(one for one in chain([plain], numbered) if one not in found))
     return found
+
+
+def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findings:
+    """All that the statistics say of the services of a ledger."""
+    if not len(ledger):
+        raise InputError("no service has ended yet: there is nothing to judge")
+    chosen = settings or AuditSettings()
+    x, inside = ledger.rows()
+    x = np.where(np.isnan(x), np.nan, x >= 0.5)  # graded issues as yes or no
+    rng = np.random.default_rng(chosen.seed)
+    found, test = judge_table(x, inside, np.ones(len(x), np.int64), rng, chosen.verdict)
+    scheme = ledger.scheme
+    findings = listed(found, scheme.groups, scheme.issue_names, even_gaps(found.counts))
+    return Findings(
+        findings=findings,
+        waits=(),
+        measures=(),
+        resemblance=(),
+        verdict=overall(findings),
+        total=test.total,
+        even_total=test.even_total,
+        p_total=test.p_total,
+        services=len(ledger),
+        settings=chosen,
+    )
+
+
+HEADS = (
+    "preset", "arm", "epoch", "projection", "p_value", "earlier", "rate", "alarm", "identity",
+    "issue", "favoured", "able",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Examined:
+    """Updates of a run, examined one after the other."""
+
+    updates: Sequence[Reflection]
+    settings: ReflectionSettings
+
+
+def updates_table(runs: Mapping[str, Examined]) -> Table:
+    """A row for each update: change of the total score, how rare it is, what it favoured."""
+    rows = [
+        (
+            "", name, number, float(one.projection[-1, -1]), one.p_value,
+            min(number, run.settings.history), run.settings.rate, float(one.alarm),
+            one.identity if one.alarm else None, one.issue if one.alarm else None,
+            ", ".join(one.favoured) if one.alarm else None,
+        )
+        for name, run in runs.items()
+        for number, one in enumerate(run.updates)
+    ]  # fmt: skip
+    if not rows:
+        raise InputError("no update was examined: leave these runs out")
+    return reflection_figure.able_or_not(table(HEADS[:-1], rows))
+
+
+def caption(data: Table, runs: Mapping[str, Examined]) -> str:
+    """What the figure shows, and alarms beside what is to be expected by chance."""
+    counts = []
+    for name in runs:
+        part = data.where(arm=name)
+        able = part["able"] == 1
+        if not able.any():
+            counts.append(f"{name}, none could be raised")
+            continue
+        expected = float(part["rate"][able].sum())
+        alarms = int(part["alarm"].sum())
+        counts.append(f"{name}, {alarms} of {int(able.sum()):,} ({expected:.1f})")
+    return (
+        "Above: change of the total issue score that an update makes, to first order. Below: share "
+        "of the latest updates, itself included, that raise bias at least as abnormally in some "
+        f"identity and issue; an alarm is raised from {percent(float(data['rate'].max()))} down; "
+        "its mark is the identity, its letter the first of the issue. Alarms, of the updates with "
+        "enough earlier ones to raise one, beside the most that the rate lets expect where nothing "
+        f"is wrong: {'; '.join(counts)}."
+    )

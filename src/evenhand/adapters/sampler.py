@@ -58,14 +58,7 @@ class Queue:
     def __init__(
         self, sampler: Sampler, rng: np.random.Generator, lanes: int, scheme: Scheme
     ) -> None:
-        """Draw the first people.
-
-        Args:
-            sampler: who they are.
-            rng: source of randomness; each lane gets a child of it.
-            lanes: how many, n.
-            scheme: whose identities.
-        """
+        """Draw the first people."""
         self._sampler, self._scheme = sampler, scheme
         self._rngs = rng.spawn(lanes)
         self._codes = np.zeros((lanes, 2 * BLOCK, len(scheme.identities)), np.int64)

@@ -9,17 +9,7 @@ from evenhand.core.errors import InputError
 
 
 def required(package: str, least: str, extra: str, what: str) -> None:
-    """Check a package that an extra brings.
-
-    Args:
-        package: its name in registries.
-        least: the oldest version that will do.
-        extra: of Evenhand.
-        what: needs it.
-
-    Raises:
-        InputError: when it is missing or too old.
-    """
+    """Check a package that an extra brings."""
     try:
         found = metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -34,11 +24,7 @@ def required(package: str, least: str, extra: str, what: str) -> None:
 
 
 def stable_baselines3() -> None:
-    """Check Stable-Baselines3.
-
-    Raises:
-        InputError: as ``required``.
-    """
+    """Check Stable-Baselines3."""
     required("stable-baselines3", "2.7", "sb3", "the adapters for Stable-Baselines3")
 
 

@@ -20,11 +20,10 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from gymnasium.vector.utils import iterate
 
-from evenhand.adapters.autoreset import mode_of, parted, statistics_of
 from evenhand.adapters.episodes import FINAL_OBS, FactsOf, Info, kept, together
 from evenhand.adapters.guidance import JudgeSettings
 from evenhand.adapters.judging import Judged, Judging
-from evenhand.adapters.lane_log import SMALL, STEPS, Track
+from evenhand.adapters.lane_log import SMALL, STEPS, Track, mode_of, parted, statistics_of
 from evenhand.adapters.sampler import Sampler
 from evenhand.core.errors import InputError
 from evenhand.methods.paper.detector import Detector

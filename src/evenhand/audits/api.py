@@ -22,9 +22,10 @@ from evenhand.audits.read.mapping_file import from_toml
 from evenhand.audits.read.sources import Source, open_source
 from evenhand.audits.show import rows as forms
 from evenhand.audits.show import sentences
-from evenhand.audits.show.wording import About, joined, meanings
+from evenhand.audits.show.wording import About, meanings
 from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
+from evenhand.core.wording import joined
 from evenhand.methods import detector_file
 
 if TYPE_CHECKING:
@@ -258,7 +259,6 @@ def _call(
     settings: AuditSettings,
     detector: str | os.PathLike[str] | None = None,
 ) -> str:
-    """What repeats an audit in Python."""
     told = log.description
     lasts = "files" in told or "url" in told
     source = repr(told.get("url", log.name)) if lasts else "log"
@@ -268,7 +268,6 @@ def _call(
 
 
 def _made(chosen: Mapping | AuditSettings) -> str:
-    """What makes it, without what is so by default."""
     usual = type(chosen)()
     said = {field.name: getattr(chosen, field.name) for field in dataclasses.fields(chosen)}
     parts = [f"{name}={one!r}" for name, one in said.items() if one != getattr(usual, name)]

@@ -1,7 +1,5 @@
 """The command line: find the command, parse, call, and say in one sentence what went wrong."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import errno
@@ -82,10 +80,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def guarded(action: Callable[[], int], *, listening: bool = True) -> int:
     """Run something for a terminal: what goes wrong is said there in one sentence.
-
-    Args:
-        action: gives an exit code.
-        listening: whether Ctrl-C is listened to while it runs.
 
     Returns:
         Exit code, see `main`.
@@ -185,16 +179,8 @@ def _overview(program: str, line: str, table: dict[str, tuple[str, str]]) -> str
 def parse(command: type, program: str, words: Sequence[str]) -> Any:
     """The command that the words ask for.
 
-    Args:
-        command: dataclass; its fields are the options.
-        program: what stands before the words.
-        words: options and their values.
-
     Returns:
         The command; None when help was asked for, and shown.
-
-    Raises:
-        InputError: when the words cannot be understood.
     """
     import tyro
 
@@ -243,7 +229,6 @@ def _complaints(command: type, words: Sequence[str]) -> Iterator[str]:
 
 
 def _option(field: str, hint: Any) -> str:
-    """The option that sets a field, which may have been given another name."""
     named = (getattr(extra, "name", None) for extra in getattr(hint, "__metadata__", ()))
     return f"--{next(filter(None, named), field).replace('_', '-')}"
 

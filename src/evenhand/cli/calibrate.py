@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from evenhand.cli import inputs
 from evenhand.core import files
-from evenhand.core.errors import InputError, whole
+from evenhand.core.errors import whole
 from evenhand.experiments.settings import SEEDS, SERVICES
 
 if TYPE_CHECKING:
@@ -54,9 +54,7 @@ class Calibrate:
         whole("services", self.services, 30, SERVICES[1])
         whole("windows", self.windows, 20, 10_000)
         if self.out is not None:
-            if self.out.is_dir():
-                raise InputError(f"{self.out} is a folder: give the name of a file")
-            files.make_folder(self.out.parent)
+            inputs.check_target(self.out)
         inputs.load_physics()
         from evenhand.core import terminal
         from evenhand.experiments.paper import calibrate

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import Plugin
+from evenhand.cli.inputs import OPTIONAL, Plugin
 from evenhand.cli.train import Train
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from evenhand.report.model_cards.robot import Robot, Trial
     from evenhand.report.model_cards.sections import Said
     from evenhand.training.settings import TrainSettings
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Card:
 
     plugin: Plugin = ()
 
-    notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=_OPTIONAL)] = ""
+    notes: Annotated[str, arg(metavar="TEXT", help_behavior_hint=OPTIONAL)] = ""
     """Anything that readers should know; shown as plain text."""
 
     services: int = 3000
@@ -58,7 +56,7 @@ class Card:
     seed: int = TEST_SEED
     """Of these people, places and chances; take one that training has not used."""
 
-    answers: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    answers: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """Answers that a detector was fitted to (CSV); with them its accuracy is measured."""
 
     def run(self, command: str) -> int:
@@ -143,10 +141,6 @@ class Card:
 
 def repeating(settings: TrainSettings, shipped: bool) -> str | None:
     """The command that trains with these settings.
-
-    Args:
-        settings: of the run.
-        shipped: whether the detector that comes with Evenhand was the judge.
 
     Returns:
         None when options cannot say all of the settings.

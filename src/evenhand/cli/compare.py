@@ -1,7 +1,5 @@
 """``evenhand compare``."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -12,7 +10,7 @@ from typing import Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import Plugin
+from evenhand.cli.inputs import Plugin
 from evenhand.experiments.comparison.settings import CompareSettings
 
 
@@ -101,7 +99,6 @@ class Compare:
 
 
 def _interval(row: Mapping[str, Any], name: str, digits: int) -> str:
-    """An estimate with its limits, as far as they are known."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     if value is None or isnan(value):
         return "missing"

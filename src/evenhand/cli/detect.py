@@ -11,15 +11,13 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.core import files
+from evenhand.cli.inputs import OPTIONAL
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.experiments.settings import SEEDS
 from evenhand.methods.vocabulary import ISSUES, SIMULATED, SOURCES
 
 if TYPE_CHECKING:
     from evenhand.methods.paper.detector import Detector
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -51,9 +49,7 @@ class DetectFit:
         if self.source not in SOURCES:
             raise unknown("source", self.source, SOURCES)
         whole("seed", self.seed, *SEEDS)
-        if self.out.is_dir():
-            raise InputError(f"{self.out} is a folder: give the name of a file")
-        files.make_folder(self.out.parent)
+        inputs.check_target(self.out)
         inputs.load_physics()
         from evenhand.core import terminal
         from evenhand.experiments.paper.demonstrations import complete
@@ -106,21 +102,21 @@ class DetectJudge:
     """
 
     services: Annotated[
-        Positional[Path | None], arg(metavar="FILE", help_behavior_hint=_OPTIONAL)
+        Positional[Path | None], arg(metavar="FILE", help_behavior_hint=OPTIONAL)
     ] = None
     """Parquet or CSV file of services; all of them are scored as one window."""
 
     scores: Annotated[
         tuple[float, float, float, float] | None,
-        arg(metavar="WILLINGNESS QUALITY PRIORITY RISK", help_behavior_hint=_OPTIONAL),
+        arg(metavar="WILLINGNESS QUALITY PRIORITY RISK", help_behavior_hint=OPTIONAL),
     ] = None
     """Instead of a file: four issue scores."""
 
-    detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    detector: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """Detector file; the one that comes with Evenhand if none."""
 
     identities: Annotated[
-        tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint=_OPTIONAL)
+        tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint=OPTIONAL)
     ] = ()
     """Which columns of a CSV file are identities; race, gender, age, disability, skin if none."""
 
@@ -132,7 +128,7 @@ class DetectJudge:
         if (self.services is None) == (self.scores is None):
             raise InputError("name either a file of services or four numbers with --scores")
         from evenhand.core import terminal
-        from evenhand.methods.paper import issues
+        from evenhand.methods.paper.scores import score
 
         judge = inputs.load_detector(self.detector)
         if self.scores is not None:
@@ -141,7 +137,7 @@ class DetectJudge:
             path = Path(str(self.services))
             table = inputs.read_services(path, self.identities)
             try:
-                vectors = dict(issues.score(table).by_identity)
+                vectors = dict(score(table).by_identity)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from error
         columns = ("of", *ISSUES, "probability", "biased", "looks like")

@@ -13,7 +13,7 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import (
+from evenhand.cli.inputs import (
     OPTIONAL,
     Plugin,
     Population,
@@ -84,7 +84,7 @@ class Evaluate:
         whole("seed", self.seed, *SEEDS)
         whole("threads", self.threads, *THREADS)
         if self.out is not None:
-            inputs.check_target(self.out)
+            inputs.check_target(self.out, inputs.ENDINGS)
         inputs.load_physics()
         from evenhand.core import terminal
         from evenhand.training import evaluate

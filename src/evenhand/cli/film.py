@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Robot, Strength
+from evenhand.cli.inputs import OPTIONAL, Robot, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS, TEST_SEED
 
@@ -125,7 +125,6 @@ class Film:
         return 0
 
     def _check(self, study: bool) -> None:
-        """What options contradict each other, in one sentence."""
         given = (self.run_folder is not None) + (self.robot is not None)
         if given != 1:
             raise InputError(
@@ -176,11 +175,6 @@ class Film:
 
 
 def _numbers(text: str) -> list[int]:
-    """Numbers of services from words such as 3,17.
-
-    Raises:
-        InputError: when they are none, or one of them stands there twice.
-    """
     parts = [part.strip() for part in text.split(",")]
     for part in parts:
         if not re.fullmatch(r"[0-9]{1,9}", part, re.ASCII):
@@ -197,11 +191,6 @@ def _numbers(text: str) -> list[int]:
 
 
 def _size(text: str) -> tuple[int, int]:
-    """Width and height from words such as 640x480.
-
-    Raises:
-        InputError: when they are none.
-    """
     found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text, re.ASCII)
     if found is None:
         raise InputError(f"size is {text!r}: give width and height in pixels, as 640x480")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import importlib
 import signal
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
 
 from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
@@ -17,6 +20,43 @@ if TYPE_CHECKING:
     from evenhand.methods.services import Interactions
     from evenhand.training.settings import TrainSettings
     from evenhand.training.update import LearnerState
+
+OPTIONAL = "(optional)"
+RunFolder = Annotated[Path | None, arg(metavar="RUN", help_behavior_hint=OPTIONAL)]
+Robot = Annotated[str | None, arg(metavar="NAME", help_behavior_hint=OPTIONAL)]
+Strength = Annotated[float | None, arg(metavar="FLOAT", help_behavior_hint="(default: 1)")]
+Plugin = Annotated[
+    tuple[Path, ...],
+    arg(
+        metavar="FILE ...",
+        help="Python files of your own that add methods, scenarios or policies.",
+        help_behavior_hint=OPTIONAL,
+    ),
+]
+Scenario = Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)]
+SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+
+
+def registered(module: str, names: str) -> str:
+    """Names of what can be chosen, with those that plugins have registered.
+
+    Args:
+        module: that holds the registry; imported only by plugins, since a help need not wait.
+        names: that Evenhand brings.
+    """
+    loaded = sys.modules.get(module)
+    return names if loaded is None else ", ".join(loaded.names())
+
+
+def scenario_help(otherwise: str = "") -> str:
+    """Help of an option that names a scenario."""
+    names = registered("evenhand.restaurant.worlds", SCENARIOS)
+    return f"""Where people are served: {names}.
+    Several are joined by a plus: perception+tips. {otherwise}""".rstrip()
+
+
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
+
 
 ENDINGS = (".parquet", ".csv")
 
@@ -38,11 +78,7 @@ def load_detector(path: Path | None) -> Detector:
 
 
 def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
-    """What a run learned, with the settings of its training.
-
-    Raises:
-        InputError: as ``learn.run.load_policy`` does.
-    """
+    """What a run learned, with the settings of its training."""
     from evenhand.training import run_folder as run
     from evenhand.training.jax_setup import set_up_jax
 
@@ -104,7 +140,7 @@ def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
     from evenhand.methods.services import Interactions
     from evenhand.restaurant.people import DISCRIMINATION
 
-    _check_ending(path)
+    check_ending(path, ENDINGS)
     if not path.is_file():
         raise InputError(f"{path} does not exist: give a file of services")
     if path.suffix == ".parquet":
@@ -116,13 +152,14 @@ def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
     return table
 
 
-def check_target(path: Path) -> None:
-    """Before long work: can services be written here?
+def check_target(path: Path, endings: tuple[str, ...] = ()) -> None:
+    """Before long work: can a file be written here?
 
     Raises:
         InputError: when the ending is wrong or the folder cannot be written.
     """
-    _check_ending(path)
+    if endings:
+        check_ending(path, endings)
     if path.is_dir():
         raise InputError(f"{path} is a folder: give the name of a file")
     files.make_folder(path.parent)
@@ -136,6 +173,11 @@ def write_services(table: Interactions, path: Path) -> None:
         table.write_csv(path)
 
 
-def _check_ending(path: Path) -> None:
-    if path.suffix not in ENDINGS:
-        raise InputError(f"{path} does not end in {' or '.join(ENDINGS)}: give such a file")
+def check_ending(path: Path, endings: tuple[str, ...]) -> None:
+    """Check how the name of a file ends.
+
+    Raises:
+        InputError: when it ends in none of ``endings``.
+    """
+    if path.suffix not in endings:
+        raise InputError(f"{path} does not end in {' or '.join(endings)}: give such a file")

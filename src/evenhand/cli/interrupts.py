@@ -1,7 +1,5 @@
 """Ctrl-C, which libraries lose, or make other errors of."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys

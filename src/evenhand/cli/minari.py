@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Plugin, Population, Robot, RunFolder, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Population, Robot, RunFolder, Strength
 from evenhand.experiments.settings import TEST_SEED
 
 if TYPE_CHECKING:

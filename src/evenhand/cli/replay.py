@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.core import files
+from evenhand.cli.inputs import OPTIONAL
 from evenhand.core.errors import InputError
 
 if TYPE_CHECKING:
     from evenhand.methods.services import Interactions
-
-_OPTIONAL = "(optional)"
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Replay:
     """Numbers of the services, at most 300.
     By default 30 of the latest: five with each issue, as far as there are such, and others."""
 
-    epoch: Annotated[int | None, arg(metavar="N", help_behavior_hint=_OPTIONAL)] = None
+    epoch: Annotated[int | None, arg(metavar="N", help_behavior_hint=OPTIONAL)] = None
     """Instead, the first 30 services of this epoch: these are a sample."""
 
     title: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="(the run)")] = None
@@ -51,7 +49,7 @@ class Replay:
         if self.services is not None and self.epoch is not None:
             raise InputError("--services and --epoch both say which services: give one of them")
         wanted = None if self.services is None else _numbers(self.services)
-        _check_target(self.out)
+        inputs.check_target(self.out, (".html", ".htm"))
         inputs.load_physics()
         from evenhand.restaurant import replay
         from evenhand.restaurant.replay.page import read_script
@@ -74,7 +72,6 @@ class Replay:
         return 0
 
     def _note(self, table: Interactions) -> str:
-        """How the services were chosen, for the page."""
         whole = f"The run has {len(table):,} services."
         if self.services is not None:
             return f"{whole} These were chosen by hand."
@@ -87,7 +84,6 @@ class Replay:
 
 
 def _numbers(text: str) -> list[int]:
-    """Numbers of services, each once, in the order given."""
     try:
         numbers = [int(part) for part in text.split(",")]
     except ValueError:
@@ -98,11 +94,3 @@ def _numbers(text: str) -> list[int]:
     if twice:
         raise InputError(f"--services names service {twice[0]} more than once: name it once")
     return numbers
-
-
-def _check_target(path: Path) -> None:
-    if path.suffix not in (".html", ".htm"):
-        raise InputError(f"{path} does not end in .html: give such a file")
-    if path.is_dir():
-        raise InputError(f"{path} is a folder: give the name of a file")
-    files.make_folder(path.parent)

@@ -1,7 +1,5 @@
 """``evenhand reproduce``."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal

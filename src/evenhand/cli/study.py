@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
+from evenhand.cli.inputs import OPTIONAL
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
 from evenhand.study.design import protocol_file
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 TOKEN = "EVENHAND_STUDY_TOKEN"
 """Environment variable with the lead's token."""
-_OPTIONAL = "(optional)"
 _FILE = arg(metavar="FILE", help_behavior_hint="(the paper's study)")
 _DB = arg(metavar="DB", help_behavior_hint="(default: NAME.db, by the study's name)")
 _FOLDER = arg(metavar="FOLDER", help_behavior_hint="(as the file says)")
@@ -148,7 +148,7 @@ class StudyServe:
     host: str = "127.0.0.1"
     """Address to listen on; the default lets in this machine only."""
 
-    token_file: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    token_file: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """File with the admin token; else it is taken from EVENHAND_STUDY_TOKEN, or made and shown."""
 
     allow_simulated: bool = False
@@ -264,11 +264,6 @@ class StudyExport:
 
 
 def _need() -> None:
-    """Say what is not installed.
-
-    Raises:
-        InputError: names the extra.
-    """
     try:
         import fastapi
         import sqlalchemy
@@ -283,7 +278,6 @@ def _need() -> None:
 def _settings(
     token_file: Path | None, *, simulated: bool = False, preview: bool = False
 ) -> tuple[Settings, str]:
-    """Settings, and the admin token if it was made just now."""
     from evenhand.study.server.participants import hashed
     from evenhand.study.server.web.desk import Settings, admin_token
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from evenhand.cli import inputs
+from evenhand.cli.inputs import OPTIONAL
 from evenhand.core import files
 from evenhand.core.errors import InputError, whole
 
@@ -17,7 +19,6 @@ if TYPE_CHECKING:
     from evenhand.study.analysis.fit_detector import Fitted
     from evenhand.study.design.protocol import Protocol
 
-_OPTIONAL = "(optional)"
 _SEEDS = (0, 2**63 - 1)
 
 
@@ -36,7 +37,7 @@ class StudyAnalyse:
     answers: Annotated[Positional[Path], arg(metavar="ANSWERS")]
     """File of `evenhand study export` or `simulate`: .csv, .json or .parquet."""
 
-    protocol: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    protocol: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """TOML file of the study; without it, controls and the middle of scales are not known."""
 
     out: Annotated[Path, arg(metavar="FOLDER")] = Path("study-report")
@@ -126,9 +127,7 @@ class StudyFit:
     def run(self, command: str) -> int:
         """Fit, measure, save, print."""
         whole("seed", self.seed, 0, 2**32 - 1)
-        if self.out.is_dir():
-            raise InputError(f"{self.out} is a folder: give the name of a file")
-        files.make_folder(self.out.parent)
+        inputs.check_target(self.out)
         from evenhand.methods import detector_file
         from evenhand.study.analysis import answers, check_answers, fit_detector, quality
         from evenhand.study.design import clip_lengths
@@ -174,10 +173,10 @@ class StudySimulate:
     ] = None
     """TOML file of the study; the paper's if none."""
 
-    out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=_OPTIONAL)] = None
+    out: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint=OPTIONAL)] = None
     """File to write: .csv, .json or .parquet."""
 
-    url: Annotated[str | None, arg(metavar="URL", help_behavior_hint=_OPTIONAL)] = None
+    url: Annotated[str | None, arg(metavar="URL", help_behavior_hint=OPTIONAL)] = None
     """Instead: a server that was started with --allow-simulated."""
 
     pages: bool = False

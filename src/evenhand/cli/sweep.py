@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import Plugin
+from evenhand.cli.inputs import Plugin
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import WORKERS
@@ -109,7 +109,6 @@ class Sweep:
 
 
 def _told(lines: Sequence[Line], out: Path) -> int:
-    """Print what became of the runs."""
     from evenhand.core import terminal
 
     rows: dict[tuple[str, str], list[int | float]] = {}
@@ -134,7 +133,6 @@ def _told(lines: Sequence[Line], out: Path) -> int:
 
 
 def _priced(costs: Sequence[Cost], workers: int) -> None:
-    """Print what a sweep would cost."""
     from evenhand.core import terminal
 
     terminal.table(

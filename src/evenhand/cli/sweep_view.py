@@ -1,7 +1,5 @@
 """All runs of a sweep in one view: how many have ended, and how far those at work are."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -21,8 +19,6 @@ _SHOWN = 20
 
 
 class _Left(ProgressColumn):
-    """Time left of the sweep, by the services of its runs."""
-
     def render(self, task: Task) -> Text:
         if task.finished:
             return Text(f"{timedelta(seconds=round(task.finished_time or 0.0))} in all", "dim")
@@ -40,10 +36,6 @@ class View:
 
     def __call__(self, jobs: Sequence[Job], done: int) -> Callable[[Event], None]:
         """Begin.
-
-        Args:
-            jobs: that are left to do.
-            done: how many had ended before.
 
         Returns:
             Where to tell what happens to them.

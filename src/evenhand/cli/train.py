@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.cli import inputs
-from evenhand.cli.options import OPTIONAL, Plugin
+from evenhand.cli.inputs import OPTIONAL, Plugin
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.methods import registry

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from evenhand.cli import inputs, interrupts
-from evenhand.cli.options import OPTIONAL, Plugin, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 

@@ -6,8 +6,6 @@ Machine code is kept beside the files (Numba) and in the cache folder (JAX, see 
 where neither can be written, this costs half a minute and changes nothing.
 """
 
-from __future__ import annotations
-
 from evenhand.experiments.paper.reproduce import arms_of, training_of
 from evenhand.experiments.settings import ReproduceSettings
 from evenhand.methods import detector_file

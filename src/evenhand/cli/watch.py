@@ -99,7 +99,6 @@ class Watch(Columns):
 
 
 def _tell(before: Watching, after: Watching) -> None:
-    """Alarms that are new, and groups that are not watched."""
     for one in after.raised[len(before.raised) :]:
         print(_sentence(one), flush=True)
     for identity, group in after.left_out[len(before.left_out) :]:

@@ -1,7 +1,5 @@
 """What is said to a user whose input cannot be used: one sentence, no traceback."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 from numbers import Integral

@@ -1,7 +1,5 @@
 """Files that appear whole or not at all, and folders that can be written."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -13,20 +11,12 @@ from evenhand.core.errors import InputError
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write text aside, then rename it.
-
-    Raises:
-        InputError: when it cannot be written.
-    """
+    """Write text aside, then rename it."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write bytes aside, then rename it.
-
-    Raises:
-        InputError: when it cannot be written.
-    """
+    """Write bytes aside, then rename it."""
     target = Path(path)
     aside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
@@ -59,11 +49,7 @@ def append_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
-    """Write JSON with stable order of keys, aside and renamed.
-
-    Raises:
-        InputError: when it cannot be written.
-    """
+    """Write JSON with stable order of keys, aside and renamed."""
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
@@ -102,11 +88,7 @@ def read_record(path: str | os.PathLike[str], *fields: str) -> dict[str, Any]:
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:
-    """A folder that exists and can be written.
-
-    Raises:
-        InputError: when it cannot be made or written.
-    """
+    """A folder that exists and can be written."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -132,11 +114,7 @@ def sweep(folder: Path) -> None:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a folder.
-
-    Raises:
-        InputError: when another process works in it.
-    """
+    """Keep other processes out of a folder."""
     import fcntl
 
     try:
@@ -156,16 +134,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
-    """Make a folder belong to one experiment, or check that it does.
-
-    Args:
-        folder: exists.
-        note: name of the file that says what the folder holds.
-        content: what the experiment is.
-
-    Raises:
-        InputError: when the folder holds something else.
-    """
+    """Make a folder belong to one experiment, or check that it does."""
     path = folder / note
     if path.exists():
         differs = differences(read_record(path), content)

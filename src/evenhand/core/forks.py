@@ -4,8 +4,6 @@ Evenhand spawns its own processes. Others may be forked, for instance those of G
 ``AsyncVectorEnv``. There, what would wait raises an error.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import sys

@@ -1,7 +1,5 @@
 """Compiled loops: thirty short turns of one cost less than thirty calls of NumPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -18,10 +16,6 @@ def compiled(function: F, **options: Any) -> F:
 
     Kept code is known by the age of the function's own file alone. So a compiled function must
     neither call one of another file nor read a constant from there: foreign numbers are arguments.
-
-    Args:
-        function: what is compiled.
-        **options: of ``numba.njit``.
     """
     try:
         return cast(F, numba.njit(function, cache=True, **options))

@@ -5,8 +5,6 @@ process that started this one) and the packages that name themselves under its e
 registered what they bring.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import importlib.util

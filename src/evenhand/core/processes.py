@@ -190,7 +190,6 @@ def _lost(code: int) -> str:
 def _run_apart(
     tasks: Mapping[int, Task], workers: int, tell: Tell, results: dict[int, Any]
 ) -> None:
-    """Run numbered tasks in other processes and put their results into ``results``."""
     with _Crew(tasks, workers) as crew:
         for kind, index, content in crew.messages():
             if kind == "progress":
@@ -264,7 +263,6 @@ class _Crew:
                 yield kind, index, content
 
     def _hand_out(self) -> Iterator[tuple[str, int, Any]]:
-        """Give tasks to who is free, and start processes while there is more to do."""
         while self._waiting and len(self._doing) < self._most:
             free = [line for line in self._processes if line not in self._doing]
             line = free[0] if free else self._start()

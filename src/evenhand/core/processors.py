@@ -1,7 +1,5 @@
 """How many processors there are, and how busy; imports nothing heavy."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from time import perf_counter, process_time

@@ -1,7 +1,5 @@
 """Pages from templates: what comes from outside is escaped, a forgotten name is an error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a terminal shows: progress bars, tables. Nothing but results when it is no terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -118,7 +116,6 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> 
 
 
 def _fits(console: Console, shown: Table) -> bool:
-    """Whether a table needs no cell broken."""
     free = console.options.update_width(_ANY_WIDTH)
     return Measurement.get(console, free, shown).maximum <= console.width
 

@@ -4,8 +4,6 @@ A tree is made of dataclasses, tuples, lists, dicts with names as keys, and None
 arrays, numbers, and True or False.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar

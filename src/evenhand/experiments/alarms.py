@@ -1,7 +1,5 @@
 """How far verdicts can be trusted: false alarms and power by simulated windows, with a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +8,7 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.experiments import alarms_figure
-from evenhand.experiments.paper import tables
+from evenhand.report import table
 from evenhand.statistics.power import FalseAlarms, Power, false_alarms, power
 
 SIZES = (30, 120, 300, 1000)
@@ -46,8 +44,8 @@ def measure(
 def write(false: list[FalseAlarms], found: list[Power], seed: int, out: Path) -> list[Path]:
     """Write two tables and the figure; returns the files."""
     files.make_folder(out)
-    tables.write(out / "false_alarms.csv", [asdict(row) for row in false])
-    tables.write(out / "power.csv", [asdict(row) for row in found])
+    table.write(out / "false_alarms.csv", [asdict(row) for row in false])
+    table.write(out / "power.csv", [asdict(row) for row in found])
     svg, pdf = alarms_figure.draw(
         [asdict(row) for row in false], [asdict(row) for row in found], seed
     )

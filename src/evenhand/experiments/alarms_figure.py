@@ -4,8 +4,6 @@ The left panel is about even robots: any alarm is a false one. The right panel i
 one known disparity.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,13 +18,7 @@ _MARKERS = ("o", "s", "^", "D")
 def draw(
     false: Sequence[Mapping[str, Any]], found: Sequence[Mapping[str, Any]], seed: int
 ) -> tuple[str, bytes]:
-    """The figure as SVG text and PDF.
-
-    Args:
-        false: rows of ``inference.power.FalseAlarms``.
-        found: rows of ``inference.power.Power``.
-        seed: of the simulation, named in the title.
-    """
+    """The figure as SVG text and PDF."""
     with style.drawing():
         figure, (left, right) = style.panels(True, 1, 2, 3.0)
         sizes = [row["size"] for row in false]

@@ -1,7 +1,5 @@
 """Services that can be filmed: what was to be seen of them, and what happened in them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 

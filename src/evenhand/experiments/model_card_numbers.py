@@ -1,18 +1,17 @@
 """What a model card needs to be measured: a test on new people, an evaluation out of fold."""
 
-from __future__ import annotations
-
 import numpy as np
-from scipy import stats
 
 from evenhand.core.errors import InputError
 from evenhand.experiments.paper.demonstrations import complete
 from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.detector import Detector
+from evenhand.methods.paper.scores import membership
 from evenhand.methods.services import Interactions
-from evenhand.report.model_cards.robot import Mean, Trial
+from evenhand.report.model_cards.robot import Trial
 from evenhand.statistics import detector_accuracy, verdicts
+from evenhand.statistics.means import SHARE, mean_interval
 from evenhand.training import evaluate
 
 
@@ -25,7 +24,7 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         population: where they were drawn from.
     """
     windows = evaluate.window_scores(table)
-    x, who = issues.indicators(table), issues.membership(table)
+    x, who = issues.indicators(table), membership(table)
     good = evaluate.perfect(table)
     responded = table.fact("responded") == 1.0
     return Trial(
@@ -33,8 +32,11 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         seed=seed,
         population=population,
         scores={
-            "total": mean_of(windows.total, len(windows.issues)),
-            **{name: mean_of(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
+            "total": mean_interval(windows.total, within=(0.0, len(windows.issues))),
+            **{
+                name: mean_interval(windows.overall[:, k], within=SHARE)
+                for k, name in enumerate(windows.issues)
+            },
         },
         floor=evaluate.summary(table, seed)["floor"],
         perfect=detector_accuracy.wilson(int(good.sum()), len(good)),
@@ -49,32 +51,10 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
     )
 
 
-def mean_of(values: np.ndarray, most: float = 1.0) -> Mean:
-    """Mean of windows with Student's 95 % interval, as far as it lies on the scale.
-
-    Args:
-        values: one a window, from 0 to ``most``; NaN where a window says nothing.
-        most: a score cannot be greater.
-    """
-    known = values[~np.isnan(values)]
-    n = len(known)
-    if n == 0:
-        return Mean(None, None, None, 0)
-    mean = float(known.mean())
-    if n == 1:
-        return Mean(mean, None, None, 1)
-    half = float(stats.t.ppf(0.975, n - 1) * known.std(ddof=1) / np.sqrt(n))
-    return Mean(mean, max(mean - half, 0.0), min(mean + half, most), n)
-
-
 def evaluation_of(
     judge: Detector, answers: Answers, folds: int = 5
 ) -> detector_accuracy.Evaluation:
-    """How good a detector is on the judgements that it was fitted to, out of fold.
-
-    Raises:
-        InputError: when it was fitted to others.
-    """
+    """How good a detector is on the judgements that it was fitted to, out of fold."""
     kept = complete(answers.issue_scores)
     scores, biased = answers.issue_scores[kept], answers.biased[kept]
     kinds = [kind for kind, keep in zip(answers.kinds, kept, strict=True) if keep]

@@ -4,8 +4,6 @@ Every finished run notes it in its ``done.json``. Of a run from before that was 
 ``settings.json`` still names versions and detector.
 """
 
-from __future__ import annotations
-
 import functools
 import subprocess
 from collections.abc import Iterable
@@ -49,15 +47,7 @@ def shipped_detector() -> str:
 
 
 def of_run(folder: Path, done: dict[str, Any]) -> Origin:
-    """What made a finished run.
-
-    Args:
-        folder: of the run.
-        done: what its ``done.json`` says.
-
-    Raises:
-        InputError: when the note is damaged.
-    """
+    """What made a finished run."""
     found = {name: done.get(name) for name in ("versions", "commit", "world", "detector")}
     path = folder / "settings.json"
     if "versions" not in done and path.exists():
@@ -74,16 +64,7 @@ def of_run(folder: Path, done: dict[str, Any]) -> Origin:
 
 
 def check(folder: Path, then: Origin, here: Origin) -> None:
-    """Refuse to mix a run with others; its commit may be another one.
-
-    Args:
-        folder: of the run.
-        then: what made it; what is not known counts as the same.
-        here: what would make it now.
-
-    Raises:
-        InputError: when versions, world or detector are others.
-    """
+    """Refuse to mix a run with others; its commit may be another one."""
     if then["versions"] is not None:
         run_folder.check_versions(folder, then["versions"])
     differs = files.differences(
@@ -99,11 +80,6 @@ def check(folder: Path, then: Origin, here: Origin) -> None:
 
 def claim(out: Path, note: str, content: dict[str, Any]) -> None:
     """Make a folder belong to one experiment of one set of versions, or check that it does.
-
-    Args:
-        out: exists.
-        note: name of the file that says what the folder holds.
-        content: what the experiment is.
 
     Raises:
         InputError: when the folder holds something else, or was begun with other versions.

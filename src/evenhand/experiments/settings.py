@@ -1,7 +1,5 @@
 """What can be set in the experiment, and its seeds; imports nothing heavy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

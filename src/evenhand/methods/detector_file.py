@@ -238,7 +238,6 @@ def _names(content: dict[str, object], field: str) -> tuple[str, ...]:
 
 
 def _columns(header: list[str], issues: Sequence[str], where: str) -> dict[str, int]:
-    """Positions of the columns that are used."""
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise InputError(f"{where}: separate the columns by commas")
     wanted = {name: name.lower() for name in (*issues, "biased")}

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import betaln
 
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.paper.issues import Counts, count
+from evenhand.methods.paper.scores import Counts, count
 from evenhand.methods.pooling import Pool, pooled, remember
 
 BACK_OFF = 0.5

@@ -65,7 +65,7 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
 
     Args:
         method: that is asked.
-        epoch: a `methods.paper.epoch.Epoch`.
+        epoch: a `methods.epoch.Epoch`.
         memory: of the method.
 
     Returns:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ A method is a frozen dataclass; its fields are its settings. It has
     teach(epoch, memory) -> result, memory  after every epoch
 
 where the memory is arrays and numbers in dataclasses, tuples, lists or dicts, the epoch is a
-`methods.paper.epoch.Epoch`, and the result is rewards of the services [n], advantages of their
+`methods.epoch.Epoch`, and the result is rewards of the services [n], advantages of their
 decisions [n, L], or a `methods.guidance.Guidance`. It may also have
 
     alone(epoch) -> rewards [n]             where evenness is all that is rewarded (preset paper)
@@ -33,9 +33,9 @@ whom the robot serves."""
 GROUP = "evenhand.methods"
 """Entry point by which packages bring methods."""
 BUILT_IN: Mapping[str, str] = {
-    "service": "paper.service",
-    "score": "paper.rewards",
-    "penalty": "paper.rewards",
+    "service": "printed",
+    "score": "printed",
+    "penalty": "printed",
     "influence": "beyond.influence",
     "surgery": "beyond.surgery",
     "levelup": "beyond.levelup",

@@ -17,18 +17,9 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.columns import FACTS, OWN_TYPES
-from evenhand.methods.paper.issues import (
-    PAPER_ISSUES,
-    Counts,
-    Facts,
-    Issue,
-    Scores,
-    count,
-    indicators,
-    scores_of,
-)
-from evenhand.methods.services import Interactions
+from evenhand.methods.paper.issues import PAPER_ISSUES, Facts, Issue, indicators
+from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
+from evenhand.methods.services import FACTS, OWN_TYPES, Interactions
 from evenhand.methods.vocabulary import Identity
 
 KINDS: dict[type, pa.DataType] = {bool: OWN_TYPES[0], int: OWN_TYPES[1], float: OWN_TYPES[2]}

@@ -1,7 +1,5 @@
 """A figure of a report: what is drawn and its words; SVG, PDF and CSV of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,15 +78,8 @@ def draw(plate: Plate, results: Results) -> Drawn:
 def write(folder: Path, drawn: Sequence[Drawn]) -> list[Path]:
     """Write figures as SVG (wide and for a phone), PDF and CSV.
 
-    Args:
-        folder: exists.
-        drawn: the figures.
-
     Returns:
         The files.
-
-    Raises:
-        InputError: when the folder cannot be written.
     """
     written = []
     for figure in drawn:

@@ -4,8 +4,6 @@ Pure. Everything that came from a table or a claim is escaped by the template en
 SVG that this package drew is put in as it is.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping
@@ -17,9 +15,10 @@ from typing import Any
 from markupsafe import Markup
 
 from evenhand.core import templates
+from evenhand.core.wording import NOT_DEFINED
 from evenhand.report import style
 from evenhand.report.figure import Drawn
-from evenhand.report.table import NOT_DEFINED, Table, say
+from evenhand.report.table import Table, say
 
 NOT_PRINTED = "not printed"
 LISTED = 60  # rows of a data table in the page; the CSV file holds all

@@ -4,8 +4,6 @@ May touch: the disk (reading only). Whatever is missing or malformed is refused 
 sentence that names file, row and column, so that the rooms after this one need no doubts.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -116,7 +114,6 @@ def _csv_rows(path: Path) -> tuple[list[str], list[list[str]]]:
 
 
 def _cell(text: str, kind: str, where: str) -> str | int | float:
-    """One cell as its kind, or an InputError that begins with ``where``."""
     text = text.strip()
     bare, optional = kind.rstrip("?"), kind.endswith("?")
     if bare == "text":
@@ -145,11 +142,7 @@ def _cell(text: str, kind: str, where: str) -> str | int | float:
 
 
 def read_json(path: Path) -> Any:
-    """What a file of JSON holds.
-
-    Raises:
-        InputError: no such file, or it is not JSON.
-    """
+    """What a file of JSON holds."""
     try:
         return json.loads(_text(path))
     except json.JSONDecodeError as error:

@@ -3,8 +3,6 @@
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping
@@ -18,10 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
+from evenhand.core.wording import percent
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import Look, arms_in
-from evenhand.report.table import Table, say, say_share
+from evenhand.report.table import Table, say
 
 NAMED = 3  # favoured groups in a caption, the most frequent first
 _IDENTITIES = {
@@ -58,13 +57,7 @@ def able_or_not(data: Table) -> Table:
 
 
 def reflection_draw(data: Table, wide: bool, unit: str = "epoch") -> Figure:
-    """One column an arm: the change of the score above, how rare the update is below.
-
-    Args:
-        data: from `reflection_data`.
-        wide: for a wide screen.
-        unit: what updates are counted in.
-    """
+    """One column an arm: the change of the score above, how rare the update is below."""
     cells = _arms(data)
     shape = (2, len(cells)) if wide else (2 * len(cells), 1)
     height = 4.3 if wide else 3.5 * len(cells) + 0.7
@@ -117,7 +110,6 @@ def _who(row: Mapping[str, Any]) -> str:
 
 
 def _updates(ax: Axes, part: Table, column: str, looks: dict[str, Look]) -> None:
-    """Every update as a dot; those with an alarm as the mark of what they favoured."""
     ax.plot(part["epoch"], part[column], **_UPDATE)
     for row in part.where(alarm=1.0).rows():
         at = (row["epoch"], row[column])
@@ -158,7 +150,7 @@ def reflection_caption(results: Results, data: Table) -> str:
         "it makes to first order; where no group differed there is no direction and no dot. Below: "
         "the share of the latest updates, itself included, that raise bias at least as abnormally "
         "in some identity and issue; an alarm is raised from the stated rate of "
-        f"{say_share(float(data['rate'].max()))} down; its mark is the identity, "
+        f"{percent(float(data['rate'].max()))} down; its mark is the identity, "
         "its letter the issue (Willingness, Quality, Priority, Risk). As it is about one identity "
         "and issue, the total may fall all the same. "
         "Alarms, of the updates with enough earlier ones to raise one, beside the most that the "
@@ -174,7 +166,6 @@ def _arms(data: Table) -> list[tuple[str, str]]:
 
 
 def _count(part: Table) -> str:
-    """Alarms of an arm, and the most that there should be by chance."""
     able = part["able"] == 1
     arm = style.arm_label(part["arm"][0])
     if not able.any():

@@ -6,8 +6,6 @@ in two widths, one for paper and laptop and one for a phone, because text that s
 figure cannot be read on a phone.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Sequence
@@ -91,15 +89,7 @@ _RC: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Look:
-    """How one series is drawn, in every figure the same.
-
-    Attributes:
-        label: the name in legends and tables.
-        colour: from the Okabe-Ito palette.
-        marker: matplotlib marker.
-        line: matplotlib line style.
-        filled: whether markers are filled.
-    """
+    """How one series is drawn, in every figure the same."""
 
     label: str
     colour: str
@@ -184,12 +174,7 @@ def drawing() -> AbstractContextManager[None]:
 
 
 def new_figure(wide: bool, height: float) -> Figure:
-    """An empty figure of one of the two widths.
-
-    Args:
-        wide: for paper and laptop, otherwise for a phone.
-        height: inches.
-    """
+    """An empty figure of one of the two widths."""
     return Figure(figsize=(WIDE if wide else NARROW, height))
 
 
@@ -218,12 +203,7 @@ def bare(axes: Axes, grid: Literal["x", "y"]) -> None:
 
 
 def svg_text(figure: Figure, name: str) -> str:
-    """The figure as SVG: the same bytes for the same data, without a date.
-
-    Args:
-        figure: made within ``drawing()``.
-        name: salt of the identifiers inside.
-    """
+    """The figure as SVG: the same bytes for the same data, without a date."""
     out = io.StringIO()
     # print_svg draws once where savefig draws twice: half the time of a report.
     with mpl.rc_context({"svg.hashsalt": name}):
@@ -249,10 +229,6 @@ def inline_svg(svg: str, prefix: str) -> str:
     The prolog, comments and metadata go; identifiers get a prefix, since several figures share
     one page; numbers keep two decimals, a hundredth of a point; the size is left to the page, and
     so is the name for screen readers.
-
-    Args:
-        svg: what ``svg_text`` gave.
-        prefix: a word that no other figure of the page has.
     """
     body = svg[svg.index("<svg") :]
     for pattern in (r"<!--.*?-->", r"<metadata>.*?</metadata>", r"<defs>\s*<style.*?</defs>"):

@@ -6,19 +6,21 @@ shown and a value that is not defined never turns into 0.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
-ISSUES = ("willingness", "quality", "priority", "risk")
-NOT_DEFINED = "not defined"
+from evenhand.core import csv_file, files
+from evenhand.core.wording import NOT_DEFINED, number, percent
+from evenhand.statistics.means import Estimate
+
+Row = dict[str, Any]
+"""Cells of a row by column."""
 
 
 @dataclass(frozen=True)
@@ -75,62 +77,13 @@ def table(names: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
 
 def csv_text(data: Table) -> str:
     """The table as CSV: a header row, ten significant digits, an empty cell for NaN."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(data.columns)
-    for row in data.rows():
-        writer.writerow(
-            ("" if math.isnan(cell) else f"{cell:.10g}") if isinstance(cell, float) else cell
-            for cell in row.values()
-        )
-    return out.getvalue()
 
+    def cell(value: object) -> object:
+        if not isinstance(value, float):
+            return value
+        return "" if math.isnan(value) else f"{value:.10g}"
 
-@dataclass(frozen=True)
-class Estimate:
-    """A mean with its 95 % interval; ``low`` and ``high`` are NaN when there is none."""
-
-    mean: float
-    low: float
-    high: float
-    n: int
-
-    @property
-    def has_interval(self) -> bool:
-        """Whether there were at least two values."""
-        return not math.isnan(self.low)
-
-
-SHARE = (0.0, 1.0)
-"""Ends of the scale of a share."""
-SCORE = (0.0, math.inf)
-"""Of a total issue score, whose upper end depends on the groups."""
-
-
-def mean_interval(
-    values: Iterable[float],
-    level: float = 0.95,
-    within: tuple[float, float] = (-math.inf, math.inf),
-) -> Estimate:
-    """Mean and Student t interval over seeds.
-
-    Args:
-        values: one number a seed; NaN (not defined for that seed) is left out.
-        level: coverage of the interval.
-        within: least and most that the mean can be; the interval is cut there.
-
-    Returns:
-        mean ± t(n−1) · s/√n. One value has no interval, none has no mean: NaN, never 0.
-    """
-    x = np.asarray(list(values), dtype=np.float64)
-    x = x[~np.isnan(x)]
-    if len(x) == 0:
-        return Estimate(math.nan, math.nan, math.nan, 0)
-    mean = float(x.mean())
-    if len(x) == 1:
-        return Estimate(mean, math.nan, math.nan, 1)
-    half = float(stdtrit(len(x) - 1, 0.5 + level / 2) * x.std(ddof=1) / math.sqrt(len(x)))
-    return Estimate(mean, max(mean - half, within[0]), min(mean + half, within[1]), len(x))
+    return csv_file.text_of(data.columns, (map(cell, row.values()) for row in data.rows()))
 
 
 def trailing_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
@@ -152,19 +105,12 @@ def say(value: float, digits: int = 3) -> str:
     if math.isnan(value):
         return NOT_DEFINED
     places = digits if abs(value) < 10 else max(digits - 1, 0) if abs(value) < 100 else 1
-    return f"{value:z,.{places}f}".replace("-", "\N{MINUS SIGN}")
-
-
-def say_share(value: float) -> str:
-    """A share in [0, 1] as per cent with one decimal; NaN in words."""
-    if math.isnan(value):
-        return NOT_DEFINED
-    return f"{100 * value:z.1f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
+    return number(value, places)
 
 
 def say_estimate(estimate: Estimate, share: bool = False) -> str:
     """A mean with its interval in brackets; without an interval the text says why."""
-    tell = say_share if share else say
+    tell = percent if share else say
     if not estimate.n:
         return NOT_DEFINED
     if not estimate.has_interval:
@@ -176,3 +122,19 @@ def seeds_text(seeds: Iterable[int]) -> str:
     """How many seeds, in words that fit into a caption."""
     n = len(set(seeds))
     return "1 seed (so no interval)" if n == 1 else f"{n} seeds"
+
+
+def write(path: Path, rows: Iterable[Row], columns: Sequence[str] | None = None) -> None:
+    """Write rows as CSV, aside and renamed; None and NaN become empty cells."""
+    listed = list(rows)
+    names = list(columns or listed[0])
+    cells = ([_cell(row.get(name)) for name in names] for row in listed)
+    files.write_text(path, csv_file.text_of(names, cells))
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
+        return ""
+    return repr(float(value)) if isinstance(value, (float, np.floating)) else value

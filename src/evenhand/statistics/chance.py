@@ -1,6 +1,6 @@
-"""What a gap is worth: chance taken out of Eq. 1 and 2, standard errors, shrinking.
+"""What a gap is worth: chance taken out of Eq. 1 and 2, and standard errors.
 
-Pure functions of counts (`methods.paper.issues.Counts`), so that windows can be pooled by adding
+Pure functions of counts (`methods.paper.scores.Counts`), so that windows can be pooled by adding
 them. Shapes: G groups, K issues; leading axes, for instance many windows, are carried along. A gap
 with an empty side is missing (NaN) everywhere, never 0.
 
@@ -10,18 +10,14 @@ square, for large or pooled windows) and :func:`even_gaps` (the expected gap its
 for windows as small as an epoch).
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
 from scipy.special import gammaln
 
-from evenhand.core.errors import InputError, unknown
-from evenhand.methods.paper.issues import Counts, Scores, gaps, issue_score, signed_gaps
-
-WAYS = ("threshold", "james_stein")
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.scores import Counts, Scores, averaged, gaps, issue_score
 
 
 def check_counts(counts: Counts, whole: bool = False) -> None:
@@ -127,7 +123,7 @@ def corrected_scores(
     """
     squared = squared_gap(counts)
     shown = np.sqrt(np.maximum(squared, 0.0))
-    return _scores(shown, squared, corrected_issue_score, groups, issues)
+    return averaged(shown, squared, corrected_issue_score, groups, issues)
 
 
 # --- the excess over chance ---------------------------------------------------------------------
@@ -183,35 +179,14 @@ def excess_scores(
         InputError: for impossible or broken counts.
     """
     excess = gaps(counts) - even_gaps(counts)
-    return _scores(excess, excess, issue_score, groups, issues)
+    return averaged(excess, excess, issue_score, groups, issues)
 
 
 def _choose(n: np.ndarray, k: np.ndarray) -> np.ndarray:
     return gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1)
 
 
-def _scores(
-    gap: np.ndarray,
-    value: np.ndarray,
-    average: Callable[[np.ndarray], np.ndarray],
-    groups: Sequence[tuple[str, str]],
-    issues: Sequence[str],
-) -> Scores:
-    names = [name for name, _ in groups]
-    return Scores(
-        issues=tuple(issues),
-        groups=tuple(groups),
-        gap=gap,
-        overall=average(value),
-        by_identity={
-            name: average(value[..., [g for g, other in enumerate(names) if other == name], :])
-            for name in dict.fromkeys(names)
-        },
-        missing=np.isnan(gap).sum(axis=-2),
-    )
-
-
-# --- standard errors and shrinking --------------------------------------------------------------
+# --- standard errors ----------------------------------------------------------------------------
 
 
 def standard_error(counts: Counts) -> np.ndarray:
@@ -235,33 +210,3 @@ def standard_error(counts: Counts) -> np.ndarray:
     p, q = (counts.inside_x + 1) / n, (counts.outside_x + 1) / m
     defined = (n > 2) & (m > 2)
     return np.where(defined, np.sqrt(p * (1 - p) / n + q * (1 - q) / m), np.nan)
-
-
-def shrunk_gaps(counts: Counts, strength: float = 1.0, way: str = "threshold") -> np.ndarray:
-    """Signed gaps pulled towards 0, so that chance gaps do not steer.
-
-    ``threshold``: sign(d) max(0, |d| − c se), the part beyond c standard errors.
-    ``james_stein``: d max(0, 1 − (c se/d)²), which leaves large gaps nearly whole.
-    With c = 1, of the gaps that chance makes there remains about a fifth (threshold) or a third.
-
-    Args:
-        counts: [..., G, K]; pooled over some windows, for training.
-        strength: c, at least 0; 0 leaves the gaps as they are.
-        way: ``threshold`` or ``james_stein``.
-
-    Returns:
-        [..., G, K]; NaN where a side is empty.
-
-    Raises:
-        InputError: for impossible counts, a strength below 0 or not finite, an unknown way.
-    """
-    if way not in WAYS:
-        raise unknown("way of shrinking", way, WAYS)
-    if not (np.isfinite(strength) and strength >= 0):
-        raise InputError(f"strength is {strength}: give a finite number of at least 0")
-    gap, margin = signed_gaps(counts), strength * standard_error(counts)
-    size = np.abs(gap)
-    if way == "threshold":
-        return np.sign(gap) * np.maximum(0.0, size - margin)
-    kept = np.maximum(0.0, 1.0 - (margin / np.where(size > 0, size, 1.0)) ** 2)
-    return gap * kept

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.permutation import CELLS, PermutationTest, against_parts
 
 MOST_SERVICES = 999_999_999
@@ -28,39 +28,6 @@ THREADS = 2
 """Threads that draw; what they draw does not depend on how many they are."""
 
 CHEAPER = 4  # A hypergeometric number takes as long as shuffling so many services.
-
-
-def table_test(
-    x: np.ndarray,
-    inside: np.ndarray,
-    n: np.ndarray,
-    rng: np.random.Generator,
-    permutations: int = 2000,
-    strata: np.ndarray | None = None,
-    who: np.ndarray | None = None,
-    totalled: int | None = None,
-) -> PermutationTest:
-    """Test every group and issue of a log that is given as counts.
-
-    The null is that of :func:`evenhand.statistics.permutation.permutation_test` on a row for each
-    service, and so is every result but for the numbers that were drawn.
-
-    Args:
-        x: indicators, [C, K], NaN where an issue does not apply.
-        inside: membership, [C, G], NaN where unknown; or of I kinds of people, [I, G], if ``who``
-            is given.
-        n: services that each row stands for, [C], whole numbers of at least 0.
-        rng: source of randomness.
-        permutations: how many to draw, at least 99.
-        strata: whole numbers [C]; services are only exchanged within one.
-        who: row of ``inside`` for each row of ``x``, [C]; saves memory when groups are many.
-        totalled: the total issue score is that of the first so many groups; of all by default.
-
-    Raises:
-        InputError: for rows that do not match, other values than 0, 1 and NaN, services that are
-            not whole numbers or too many of them, or too few permutations.
-    """
-    return Table.of(x, inside, n, strata, who).test(rng, permutations, totalled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +93,20 @@ class Table:
         strata: np.ndarray | None = None,
         who: np.ndarray | None = None,
     ) -> Table:
-        """Bring weighted rows together; arguments and errors as :func:`table_test`."""
+        """Bring weighted rows together.
+
+        Args:
+            x: indicators, [C, K], NaN where an issue does not apply.
+            inside: membership, [C, G], NaN where unknown; or of I kinds of people, [I, G], if
+                ``who`` is given.
+            n: services that each row stands for, [C], whole numbers of at least 0.
+            strata: whole numbers [C]; services are only exchanged within one.
+            who: row of ``inside`` for each row of ``x``, [C]; saves memory when groups are many.
+
+        Raises:
+            InputError: for rows that do not match, other values than 0, 1 and NaN, or services
+                that are not whole numbers or too many of them.
+        """
         x, inside, n = np.asarray(x, float), np.asarray(inside), np.asarray(n)
         who = np.arange(len(inside)) if who is None else np.asarray(who)
         stratum = np.zeros(len(n), int) if strata is None else np.asarray(strata)
@@ -151,7 +131,19 @@ class Table:
     def test(
         self, rng: np.random.Generator, permutations: int, totalled: int | None = None
     ) -> PermutationTest:
-        """As :func:`table_test`."""
+        """Test every group and issue of the log.
+
+        The null is that of :func:`evenhand.statistics.permutation.permutation_test` on a row for
+        each service, and so is every result but for the numbers that were drawn.
+
+        Args:
+            rng: source of randomness.
+            permutations: how many to draw, at least 99.
+            totalled: the total issue score is that of the first so many groups; of all by default.
+
+        Raises:
+            InputError: for too few permutations.
+        """
         errors.whole("permutations", permutations, 99, 10_000_000)
         groups, twice = self.strata[0].groups, self.strata[0].outcome.shape[1]
         kept = 3 * groups * twice * len(self.strata)
@@ -248,7 +240,6 @@ def _distinct(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parts(stratum: np.ndarray) -> list[np.ndarray]:
-    """Rows of each stratum."""
     order = np.argsort(stratum, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(stratum[order])) + 1)
 

@@ -3,8 +3,6 @@
 Every number here is about judgements that the detector which judged them had not seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -13,11 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenhand.core.errors import InputError
+from evenhand.methods.judgements import checked_judgements
 from evenhand.methods.paper.detector import fit
-from evenhand.methods.vocabulary import ISSUES, checked_judgements
-
-MANUAL_THRESHOLD = 0.5
-"""The paper's manual rule: a total issue score above 0.5 is biased."""
+from evenhand.methods.vocabulary import ISSUES, MANUAL_THRESHOLD
 
 BINS = 10
 

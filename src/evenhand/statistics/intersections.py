@@ -7,8 +7,6 @@ raw number of services beside it. The intervals take a and b as known, so that t
 too narrow when there are few combinations.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,21 +17,6 @@ from evenhand.statistics.chance import check_level
 
 PRECISION = (0.1, 1e5)
 """Least and greatest a + b: nothing in common, and all rates the same."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Services counted by combination of identities, for one issue.
-
-    Attributes:
-        codes: the combinations that occur, int64 [M, C], sorted.
-        n: services to which the issue applies, [M].
-        cases: of those, services with the issue, [M].
-    """
-
-    codes: np.ndarray
-    n: np.ndarray
-    cases: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,31 +40,6 @@ class ShrunkRates:
     n: np.ndarray
     a: float
     b: float
-
-
-def count_intersections(x: np.ndarray, codes: np.ndarray) -> Cells:
-    """Count one issue by combination of identities.
-
-    Args:
-        x: indicators of the issue, [n]; where NaN, the service counts nowhere.
-        codes: category of each identity, [n, C]; where below 0 (unknown), likewise.
-
-    Raises:
-        InputError: for rows that do not match, or values other than 0, 1 and NaN.
-    """
-    x, codes = np.asarray(x, float), np.asarray(codes)
-    if x.ndim != 1 or codes.ndim != 2 or len(x) != len(codes):
-        raise InputError(f"indicators {x.shape} and codes {codes.shape} do not match")
-    if not np.isin(x[~np.isnan(x)], (0.0, 1.0)).all():
-        raise InputError("indicators hold other values than 0, 1 and missing")
-    known = ~np.isnan(x) & (codes >= 0).all(axis=1)
-    found, cell = np.unique(codes[known], axis=0, return_inverse=True)
-    cell = cell.ravel()
-    return Cells(
-        codes=found,
-        n=np.bincount(cell, minlength=len(found)).astype(float),
-        cases=np.bincount(cell, weights=x[known], minlength=len(found)),
-    )
 
 
 def fit_prior(cases: np.ndarray, n: np.ndarray) -> tuple[float, float]:

@@ -3,14 +3,12 @@
 Pure functions on arrays of any shape; a share of nothing is missing (NaN), never 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 from scipy.special import betaincinv, ndtri
 
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.chance import check_counts, check_level
 
 ShareLimits = Callable[[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]

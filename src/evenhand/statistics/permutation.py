@@ -11,11 +11,9 @@ Each gap is studentised with the hypergeometric variance of Mantel and Haenszel 
 strata: then a rare issue in a small group and a frequent one in a large group are on one scale,
 and a gap keeps its error near the stated one although other gaps are real (DiCiccio et al. 2020).
 
-For many windows at once, or counts without rows: :mod:`evenhand.statistics.windows`; for
+For many windows at once: :mod:`evenhand.statistics.windows`; for
 logs of any size, as counts: :mod:`evenhand.statistics.count_tables`.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +22,7 @@ import numpy as np
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count, gaps, issue_score, total
+from evenhand.methods.paper.scores import Counts, count, gaps, issue_score, total
 
 # Equal statistics can differ in the last digits; a tie must count as at least as great.
 TIE = 1e-9
@@ -70,6 +68,16 @@ def settled(p: np.ndarray, permutations: int) -> np.ndarray:
         permutations: how many were drawn.
     """
     return np.minimum(1.0, p + np.sqrt(p * (1 - p) / (permutations + 1)))
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Holm's step-down adjustment (1979) of p-values, [n]; NaN stays NaN and counts as no test."""
+    adjusted = np.full(len(p), np.nan)
+    known = np.flatnonzero(~np.isnan(p))
+    order = known[np.argsort(p[known], kind="stable")]
+    steps = p[order] * np.arange(len(order), 0, -1)
+    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
+    return adjusted
 
 
 def check_rows(x: np.ndarray, inside: np.ndarray) -> None:

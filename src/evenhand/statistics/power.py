@@ -5,8 +5,6 @@ rate, quality and priority among the services with a response. These are synthet
 no robot in them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +12,8 @@ import numpy as np
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import gaps, issue_score, total
+from evenhand.methods.paper.scores import gaps, issue_score, total
+from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.statistics.chance import check_level
 from evenhand.statistics.intervals import wilson
 from evenhand.statistics.windows import count_windows, find_in_windows
@@ -23,9 +22,6 @@ CATEGORIES = (6, 3, 5, 2, 6)
 """Categories of the paper's identities: race, gender, age, disability, skin."""
 
 ISSUES = 4
-RAW_THRESHOLD = 0.5
-"""The paper's manual rule: a raw total issue score above 0.5 is biased."""
-
 ROWS = 500_000  # services in memory at once
 
 
@@ -171,7 +167,9 @@ def false_alarms(
         verdict = raw = 0
         for x, inside in _chunks(windows, size, rng, rate, categories, None):
             verdict += int(find_in_windows(x, inside, rng, permutations, alpha).sum())
-            raw += int((total(issue_score(gaps(count_windows(x, inside)))) > RAW_THRESHOLD).sum())
+            raw += int(
+                (total(issue_score(gaps(count_windows(x, inside)))) > MANUAL_THRESHOLD).sum()
+            )
         rows.append(FalseAlarms(size, windows, *_share(verdict, windows), *_share(raw, windows)))
     return rows
 

@@ -15,17 +15,12 @@ time. For that each step of all streams must come from the same batch: a service
 its partner while other streams already know it would let one look ahead.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
 
-from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import count, signed_gaps
-from evenhand.statistics.chance import check_level
 
 NEWTON = 2.0 / (2.0 - np.log(3.0))  # of the online Newton step for bets in [−1/2, 1/2]
 LARGEST_BET = 0.5
@@ -127,53 +122,3 @@ def combined(log_wealth: np.ndarray, axis: int | tuple[int, ...] = (-2, -1)) -> 
     if streams == 0:
         raise InputError("there are no streams to combine: give at least one group and issue")
     return np.asarray(logsumexp(log_wealth, axis=axis) - np.log(streams))
-
-
-def first_alarm(log_wealth: np.ndarray, alpha: float = 0.05, streams: int = 1) -> np.ndarray:
-    """When wealth first reached streams/alpha; a raised alarm stays.
-
-    Args:
-        log_wealth: [T, ...].
-        alpha: greatest chance of any false alarm, ever.
-        streams: how many streams are looked at one by one (Bonferroni); 1 for a combined one.
-
-    Returns:
-        Index of the first such step, [...]; NaN where there was none.
-
-    Raises:
-        InputError: for alpha outside (0, 1) or fewer than one stream.
-    """
-    check_level("alpha", alpha)
-    if streams < 1:
-        raise InputError(f"streams is {streams}: give how many are looked at, at least 1")
-    if not len(log_wealth):
-        return np.full(log_wealth.shape[1:], np.nan)
-    reached = log_wealth >= np.log(streams / alpha)
-    return np.where(reached.any(axis=0), reached.argmax(axis=0), np.nan)
-
-
-def batch_gaps(x: np.ndarray, inside: np.ndarray, size: int) -> np.ndarray:
-    """Signed gaps of batches of services in order of time; a last batch that is not full waits.
-
-    Args:
-        x: indicators, [n, K], NaN where an issue does not apply.
-        inside: membership, [n, G], NaN where unknown.
-        size: services a batch, at least 2. Chosen beforehand: not by looking at x.
-
-    Returns:
-        [n // size, G, K]; NaN where a side of a batch is empty.
-
-    Raises:
-        InputError: for a size below 2, or rows that do not match.
-    """
-    errors.whole("size", size, 2, 10_000_000)
-    if x.ndim != 2 or inside.ndim != 2 or len(x) != len(inside):
-        raise InputError(
-            f"indicators {x.shape} and membership {inside.shape} do not match: "
-            "give one row a service to both"
-        )
-    full = len(x) // size
-    shaped = (
-        np.asarray(a, float)[: full * size].reshape(full, size, a.shape[1]) for a in (x, inside)
-    )
-    return signed_gaps(count(*shaped))

@@ -5,14 +5,12 @@ guests wait longer. Mantel and Haenszel's difference weighs the difference insid
 w = n m / N (n in the group, m outside, N both), so that only people of one stratum are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.chance import check_counts, check_level
 from evenhand.statistics.intervals import ShareLimits, recovered_limits, wilson
 

@@ -14,8 +14,6 @@ For every group and issue of a window:
 No evidence is not evidence of evenness for differences smaller than ``delta``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,13 +22,12 @@ from scipy.special import ndtri
 
 from evenhand.core import errors
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
 from evenhand.statistics.chance import check_counts, check_level
 from evenhand.statistics.count_tables import Table
 from evenhand.statistics.intervals import clopper_pearson, newcombe
 from evenhand.statistics.permutation import PermutationTest, permutation_test
 from evenhand.statistics.strata import Within, mantel_haenszel
-from evenhand.statistics.windows import fisher, holm
 
 DISPARITY, NO_EVIDENCE, INSUFFICIENT = VERDICTS = (
     "disparity",
@@ -152,7 +149,7 @@ def judge_table(
         totalled: the total issue score is that of the first so many groups; of all by default.
 
     Raises:
-        InputError: as :func:`evenhand.statistics.count_tables.table_test`.
+        InputError: as :meth:`evenhand.statistics.count_tables.Table.of`.
     """
     chosen = settings or VerdictSettings()
     table = Table.of(x, inside, n, strata, who)
@@ -163,23 +160,6 @@ def judge_table(
     if within is not None:
         test = replace(test, even_gap=within.even_difference)
     return found, test
-
-
-def judge_counts(counts: Counts, settings: VerdictSettings | None = None) -> Verdicts:
-    """Verdicts from counts alone, by Fisher's exact test and Holm's adjustment.
-
-    Valid at every size, for one window or many; finds less than :func:`judge` does.
-
-    Args:
-        counts: whole numbers, [..., G, K].
-        settings: level, relevant difference, power.
-
-    Raises:
-        InputError: for impossible or broken counts.
-    """
-    p = fisher(counts)
-    adjusted = holm(p)
-    return _verdicts(counts, p, adjusted, adjusted, settings or VerdictSettings())
 
 
 def _within(parts: Sequence[Counts], settings: VerdictSettings) -> Within | None:

@@ -1,20 +1,16 @@
-"""Tests of many windows at once, and of counts without rows.
+"""Tests of many windows at once.
 
 :func:`find_in_windows` gives the verdict of the permutation test on thousands of windows, for
-simulations and for the epochs of a training. :func:`fisher` with :func:`holm` needs counts only,
-for logs that are too large to hold as rows; exact at any size too, but less powerful, for Holm
-knows nothing of how groups overlap.
+simulations and for the epochs of a training.
 """
-
-from __future__ import annotations
 
 from dataclasses import fields
 
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper.issues import Counts
-from evenhand.statistics.chance import check_counts, check_level
+from evenhand.methods.paper.scores import Counts
+from evenhand.statistics.chance import check_level
 from evenhand.statistics.permutation import TIE, check_rows, settled, studentised
 
 SERVICES = 100_000  # services in memory at once, times a small factor
@@ -88,7 +84,7 @@ def find_in_windows(
 
 
 def count_windows(x: np.ndarray, inside: np.ndarray) -> Counts:
-    """The counts of many windows, as `methods.paper.issues.count` gives them, but faster.
+    """The counts of many windows, as `methods.paper.scores.count` gives them, but faster.
 
     Args:
         x: indicators, [W, n, K].
@@ -150,46 +146,3 @@ def _counts(code: np.ndarray, sides: np.ndarray, groups: int, issues: int) -> Co
 
 def _statistics(counts: Counts) -> np.ndarray:
     return np.nan_to_num(np.abs(studentised([counts])))
-
-
-def fisher(counts: Counts) -> np.ndarray:
-    """Exact two-sided p-value of each gap: twice the smaller hypergeometric tail, at most 1.
-
-    Args:
-        counts: whole numbers, [..., G, K].
-
-    Returns:
-        [..., G, K]; NaN where a side is empty.
-
-    Raises:
-        InputError: for impossible or broken counts.
-    """
-    # scipy.stats takes long to load; only this needs it
-    from scipy.stats import hypergeom
-
-    check_counts(counts, whole=True)
-    both, cases = counts.inside_n + counts.outside_n, counts.inside_x + counts.outside_x
-    below = hypergeom.cdf(counts.inside_x, both, cases, counts.inside_n)
-    above = hypergeom.sf(counts.inside_x - 1, both, cases, counts.inside_n)
-    defined = (counts.inside_n > 0) & (counts.outside_n > 0)
-    return np.where(defined, np.minimum(1.0, 2.0 * np.minimum(below, above)), np.nan)
-
-
-def holm(p: np.ndarray) -> np.ndarray:
-    """Holm's adjustment over the last two axes; missing p-values are not counted.
-
-    Args:
-        p: [..., G, K], NaN where missing.
-
-    Returns:
-        Adjusted p-values of the same shape, NaN where missing.
-    """
-    flat = p.reshape(*p.shape[:-2], -1)
-    order = np.argsort(flat, axis=-1)  # NaN last
-    n = (~np.isnan(flat)).sum(axis=-1, keepdims=True)
-    times = np.maximum(n - np.arange(flat.shape[-1]), 1)
-    ranked = np.take_along_axis(flat, order, axis=-1) * times
-    adjusted = np.empty_like(ranked)
-    steps = np.minimum(np.maximum.accumulate(ranked, axis=-1), 1.0)
-    np.put_along_axis(adjusted, order, steps, axis=-1)
-    return adjusted.reshape(p.shape)

@@ -9,8 +9,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from evenhand.methods import guidance
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper import losses
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.restaurant.simulation import layout, task
 from evenhand.training.observation import view
 from evenhand.training.policy import ActorCritic, state_values

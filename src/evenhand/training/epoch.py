@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jax.typing import ArrayLike
 
+from evenhand.methods.epoch import Epoch, judge_of
 from evenhand.methods.guard import Guard, Watch
 from evenhand.methods.paper import losses
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.epoch import Epoch, judge_of
 from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.simulation import serve
 from evenhand.statistics import chance

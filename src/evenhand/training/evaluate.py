@@ -8,6 +8,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts, Scores, count, membership, score, scores_of
 from evenhand.methods.scheme import Scheme
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import LEAST
@@ -95,7 +96,7 @@ def perfect(table: Interactions) -> np.ndarray:
 
 def window_counts(
     table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
-) -> tuple[issues.Counts, tuple[tuple[str, str], ...], list[str]]:
+) -> tuple[Counts, tuple[tuple[str, str], ...], list[str]]:
     """Counts of every full window of 30 services, in order.
 
     Args:
@@ -110,13 +111,13 @@ def window_counts(
     named = issues.PAPER_ISSUES if scheme is None else scheme.issues
     x = issues.indicators(table, named)
     if scheme is None:
-        who = issues.membership(table)
+        who = membership(table)
         inside, groups = who.inside, who.groups
     else:
         inside, groups = scheme.inside(scheme.codes(table)), scheme.groups
     inside = inside if order is None else inside[order]
     full = len(x) // WINDOW * WINDOW
-    counts = issues.count(
+    counts = count(
         x[:full].reshape(-1, WINDOW, x.shape[1]),
         inside[:full].reshape(-1, WINDOW, inside.shape[1]),
     )
@@ -125,9 +126,9 @@ def window_counts(
 
 def window_scores(
     table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
-) -> issues.Scores:
+) -> Scores:
     """Scores of every full window of 30 services, in order; arguments as `window_counts`."""
-    return issues.scores_of(*window_counts(table, order, scheme))
+    return scores_of(*window_counts(table, order, scheme))
 
 
 def summary(table: Interactions, seed: int, scheme: Scheme | None = None) -> dict[str, Any]:
@@ -149,7 +150,7 @@ def summary(table: Interactions, seed: int, scheme: Scheme | None = None) -> dic
     rng = np.random.default_rng(seed)
     orders = (rng.permutation(len(table)) for _ in range(_SHUFFLES))
     chance = [window_scores(table, order, scheme).total for order in orders]
-    pooled = issues.score(table) if scheme is None else scheme.score(table)
+    pooled = score(table) if scheme is None else scheme.score(table)
     good = perfect(table)
     responded = table.fact("responded") == 1.0
     distance, step = table.fact("response_distance"), table.fact("response_step")
@@ -160,7 +161,7 @@ def summary(table: Interactions, seed: int, scheme: Scheme | None = None) -> dic
         "floor": _mean(np.concatenate(chance)),
         "pooled_total": _mean(np.atleast_1d(pooled.total)),
         "perfect_rate": float(good.mean()),
-        "worst_group_rate": worst_group_rate(good, issues.membership(table).inside),
+        "worst_group_rate": worst_group_rate(good, membership(table).inside),
         "response_rate": float(responded.mean()),
         "mean_response_distance": _mean(distance[responded]),
         "mean_response_time": _mean(step[responded]),

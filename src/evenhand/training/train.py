@@ -18,9 +18,9 @@ from evenhand.core import forks
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file, guard, registry
 from evenhand.methods.beyond.influence import CreditSettings, influence
-from evenhand.methods.paper import issues
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import floor_plan, serve_people
 from evenhand.restaurant.simulation import serve
@@ -259,7 +259,7 @@ def _examined(
 
 
 def _numbers(
-    settings: TrainSettings, facts: serve.Facts, scores: issues.Scores, even: np.ndarray
+    settings: TrainSettings, facts: serve.Facts, scores: Scores, even: np.ndarray
 ) -> dict[str, Any]:
     """Scores and service of the epoch, by name."""
     answered = facts.responded

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from evenhand.adapters import JudgeSettings, Ledger, page
-from evenhand.adapters.updates import Examined
-from evenhand.adapters.verdict import findings_of
+from evenhand.adapters.page import Examined, findings_of
 from evenhand.audits.judge.results import AuditSettings
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings

@@ -20,7 +20,7 @@ from evenhand.adapters import (
 from evenhand.core.errors import InputError
 from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
 from evenhand.statistics.chance import excess_scores
 from support import toys
 from support.extras import wanted

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenhand.adapters.updates import Examined, caption, updates_table
+from evenhand.adapters.page import Examined, caption, updates_table
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
 

@@ -10,7 +10,7 @@ from statsmodels.stats.proportion import proportions_ztest
 from evenhand.audits.count.tally import UNKNOWN, Identity, Tally
 from evenhand.audits.judge import resemblance
 from evenhand.methods import detector_file
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count
 
 ISSUES = ("willingness", "quality", "priority", "risk")
 
@@ -142,7 +142,7 @@ def test_windows_are_scored_as_equation_two_says():
     # The first window by hand: scored from its own rows by the rules for whole windows.
     tally = log(UNEVEN, services=400)
     people, _ = resemblance.drawn_windows(tally, np.random.default_rng(8), 5)
-    counts = issues.count(tally.x[people], tally.inside()[people])
+    counts = count(tally.x[people], tally.inside()[people])
     skill = resemblance._scores(counts, tally)[0]
     for w in range(5):
         x, group = tally.x[people[w]], tally.codes[people[w], 0]

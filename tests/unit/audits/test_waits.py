@@ -8,10 +8,11 @@ import pytest
 from scipy import stats
 from statsmodels.duration.survfunc import SurvfuncRight, survdiff
 from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.proportion import proportion_confint
 
 from evenhand.audits.count.tally import Identity, Tally, Waits
 from evenhand.audits.judge import waits
-from evenhand.statistics import survival
+from evenhand.statistics.intervals import recovered_limits
 
 IDENTITIES = (Identity("race", ("A", "B")), Identity("age", ("young", "middle", "old")))
 
@@ -134,18 +135,50 @@ def test_log_rank_against_statsmodels_with_holm():
     assert min(found) < 0.001 < 0.05 < max(found)
 
 
+def left(waited, responded, late, level):
+    """Share still waiting after ``late`` and its limits from log(−log S), from one row a service.
+
+    Statsmodels' share and Greenwood's error; Wilson's limits of all who are still at risk where
+    nobody was answered, of all who were answered where nobody is left.
+    """
+    oracle: Any = SurvfuncRight(waited, responded)
+    done = np.flatnonzero(np.array(oracle.surv_times) <= late)
+    share = oracle.surv_prob[done[-1]] if len(done) else 1.0
+    if share in (0.0, 1.0):
+        n = responded.sum() if share == 0 else (waited >= late).sum()
+        if n == 0:
+            return math.nan, math.nan, math.nan
+        return share, *proportion_confint(share * n, n, 1 - level, method="wilson")
+    half = stats.norm.isf((1 - level) / 2) * oracle.surv_prob_se[done[-1]]
+    half /= share * abs(math.log(share))
+    if not (waited >= late).any():
+        return math.nan, math.nan, math.nan
+    return share, share ** math.exp(half), share ** math.exp(-half)
+
+
+def sides(tally, late, level):
+    """Share and limits of each group and of all others, [2, G, 3]."""
+    waited, responded, inside = services(tally)
+    return np.array(
+        [
+            [left(waited[m == side], responded[m == side], late, level) if (m == side).any()
+             else (math.nan,) * 3 for m in inside.T]
+            for side in (1, 0)
+        ]
+    )  # fmt: skip
+
+
 def test_limits_are_those_of_a_row_for_each_service():
     tally = random_log()
-    waited, responded, inside = services(tally)
-    alone = survival.kaplan_meier(waited, responded, inside, np.array([12.0]))
-    together = survival.waiting_gap(waited, responded, inside, 12.0, 1 - 0.05 / 5)
+    (alone, _), (here, there) = sides(tally, 12.0, 0.95), sides(tally, 12.0, 1 - 0.05 / 5)
+    low, high = recovered_limits(here[:, 0], here[:, 1:].T, there[:, 0], there[:, 1:].T)
     found = waits.compare(tally)
     for name, expected in (
-        ("unserved_low", alone.low[0]),
-        ("unserved_high", alone.high[0]),
-        ("difference", together.gap),
-        ("low", together.low),
-        ("high", together.high),
+        ("unserved_low", alone[:, 1]),
+        ("unserved_high", alone[:, 2]),
+        ("difference", here[:, 0] - there[:, 0]),
+        ("low", low),
+        ("high", high),
     ):
         assert [getattr(one, name) for one in found] == pytest.approx(list(expected))
 
@@ -154,13 +187,13 @@ def test_limits_are_those_of_a_row_for_each_service():
 def test_edges_are_those_of_a_row_for_each_service(late):
     codes = [[0, 0], [0, 1], [1, 0], [1, 0], [0, 1]]
     tally = log(codes, [1, 3, 2, 2, 5], [1, 1, 0, 1, 1], [2, 1, 3, 1, 2], late)
-    waited, responded, inside = services(tally)
-    expected = survival.waiting_gap(waited, responded, inside, late, 1 - 0.05 / 5)
+    here, there = sides(tally, late, 1 - 0.05 / 5)
+    low, high = recovered_limits(here[:, 0], here[:, 1:].T, there[:, 0], there[:, 1:].T)
     found = waits.compare(tally)
-    np.testing.assert_allclose([one.unserved for one in found], expected.inside)
-    np.testing.assert_allclose([one.rest_unserved for one in found], expected.outside)
-    np.testing.assert_allclose([one.low for one in found], expected.low)
-    np.testing.assert_allclose([one.high for one in found], expected.high)
+    np.testing.assert_allclose([one.unserved for one in found], here[:, 0])
+    np.testing.assert_allclose([one.rest_unserved for one in found], there[:, 0])
+    np.testing.assert_allclose([one.low for one in found], low)
+    np.testing.assert_allclose([one.high for one in found], high)
     # Nobody is old: missing, not 0.
     old = found[-1]
     assert old.n == 0

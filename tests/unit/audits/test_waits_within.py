@@ -13,7 +13,7 @@ from statsmodels.stats.proportion import proportion_confint
 
 from evenhand.audits.count.tally import Identity, Tally, Waits
 from evenhand.audits.judge import waits
-from evenhand.methods.paper.issues import Counts
+from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.strata import mantel_haenszel
 
 RACE = (Identity("race", ("A", "B")),)

@@ -9,6 +9,7 @@ from evenhand.audits.count.tally import Identity, Tally
 from evenhand.audits.watch import alarm
 from evenhand.audits.watch.alarm import WatchSettings, begin, take
 from evenhand.core.errors import InputError
+from evenhand.methods.paper.scores import count, signed_gaps
 from evenhand.statistics import sequential
 
 ISSUES = ("willingness", "risk")
@@ -103,7 +104,7 @@ def test_a_group_that_turns_up_later_begins_then():
     assert later.groups[-1] == ("kind", "new")
     fresh = sequential.start(1, 2)
     inside = (third == 2).astype(float)[:, None]
-    for gap in sequential.batch_gaps(x, inside, 30):
+    for gap in signed_gaps(count(x.reshape(10, 30, 2), inside.reshape(10, 30, 1))):
         fresh = sequential.bet(fresh, gap)
     np.testing.assert_allclose(later.wealth.log_wealth[-1:], fresh.log_wealth)
     assert not np.array_equal(later.wealth.log_wealth[:2], before)

@@ -99,18 +99,9 @@ def test_shares_of_groups_are_counted_by_hand(trial):
     assert found[4].startswith("+0.0 (")
 
 
-def test_the_mean_of_windows_has_students_interval(trial):
-    values = np.array([0.1, 0.3, np.nan, 0.2])
-    mean = model_card_numbers.mean_of(values)
-    low, high = stats.ttest_1samp([0.1, 0.3, 0.2], 0.0).confidence_interval(0.95)
-    assert low < 0.0  # where no score lies
-    assert (mean.value, mean.low, mean.high) == pytest.approx((0.2, 0.0, high))
-    assert mean.n == 3
-    mean = model_card_numbers.mean_of(values + 2.3, 2.6)
-    assert (mean.value, mean.low, mean.high) == pytest.approx((2.5, 2.3 + low, 2.6))
-    assert model_card_numbers.mean_of(np.array([0.4])) == robot.Mean(0.4, None, None, 1)
-    assert model_card_numbers.mean_of(np.array([np.nan])) == robot.Mean(None, None, None, 0)
+def test_the_means_of_windows_are_over_all_of_them(trial):
     assert trial.scores["total"].n == N // 30
+    assert trial.scores["total"].low >= 0.0
 
 
 @pytest.mark.parametrize(("few", "named"), [(29, False), (30, True)])
@@ -142,7 +133,7 @@ def test_hugging_face_reads_the_card_of_a_robot(trial):
     assert found["perfect_rate"] == found["response_rate"] == pytest.approx(good, abs=1e-6)
     worst = (DISABLED & ANSWERED).sum() / DISABLED.sum()
     assert found["worst_group_rate"] == pytest.approx(worst, abs=1e-6)
-    assert found["total_issue_score"] == pytest.approx(trial.scores["total"].value, abs=1e-6)
+    assert found["total_issue_score"] == pytest.approx(trial.scores["total"].mean, abs=1e-6)
     assert "never served a real person" in card.text
 
 

@@ -94,7 +94,7 @@ def test_text_stays_text_in_yaml(text):
 def test_numbers_that_are_missing_are_called_so():
     assert markdown.number(None) == markdown.number(math.nan) == "not measured"
     assert markdown.number(0.12345) == "0.123"
-    assert markdown.number(-1.5, 1) == "\N{MINUS SIGN}1.5"
+    assert markdown.number(-1.5, places=1) == "\N{MINUS SIGN}1.5"
     assert markdown.between(None, 0.0, 1.0) == "not measured"
     assert markdown.between(0.5, None, None) == "0.500 (interval not measured)"
     assert markdown.between(0.5, 0.25, 0.75, 2) == "0.50 (0.25 to 0.75)"

@@ -8,7 +8,7 @@ import pytest
 
 from evenhand.experiments.comparison import aims, settings
 from evenhand.experiments.comparison.aims import MISSED, REACHED, UNKNOWN
-from evenhand.report.table import Estimate
+from evenhand.statistics.means import Estimate
 
 HOLDS = "not settled: the interval holds 80\xa0%"
 

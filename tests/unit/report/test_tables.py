@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from evenhand.report.table import (
-    csv_text,
-    mean_interval,
-    say,
-    say_estimate,
-    say_share,
-    table,
-    trailing_mean,
-)
+from evenhand.core.wording import percent
+from evenhand.report.table import csv_text, say, say_estimate, table, trailing_mean
+from evenhand.statistics.means import mean_interval
 
 
 def test_interval_of_three_seeds_by_hand() -> None:
@@ -36,7 +30,7 @@ def test_interval_agrees_with_scipy() -> None:
 
 def test_nothing_is_less_than_nothing_by_rounding() -> None:
     assert say(-0.0004) == "0.000"
-    assert say_share(-0.0004) == "0.0\N{NO-BREAK SPACE}%"
+    assert percent(-0.0004) == "0.0\N{NO-BREAK SPACE}%"
     assert say(-0.0006) == "\N{MINUS SIGN}0.001"
 
 
@@ -58,7 +52,7 @@ def test_one_seed_has_a_mean_and_no_interval() -> None:
 def test_no_value_is_not_defined_and_never_zero() -> None:
     found = mean_interval([math.nan, math.nan])
     assert math.isnan(found.mean)
-    assert say_estimate(found) == say(found.mean) == say_share(math.nan) == "not defined"
+    assert say_estimate(found) == say(found.mean) == percent(math.nan) == "not defined"
 
 
 def test_trailing_mean_uses_what_there_is_at_the_start() -> None:
@@ -86,3 +80,9 @@ def test_rows_are_found_by_their_values() -> None:
     assert data.where(arm="a")["seed"].tolist() == [1, 2]
     assert data.distinct("arm") == ["a", "b"]
     assert len(data.where(arm="c")) == 0
+
+
+def test_interval_of_many_windows_by_hand() -> None:
+    # mean 2, s = 1, 1.96·1/√3
+    found = mean_interval([1.0, math.nan, 2.0, 3.0], errors=1.96)
+    assert (found.low, found.high) == pytest.approx((2 - 1.131607, 2 + 1.131607), abs=1e-6)

@@ -5,7 +5,6 @@ import secrets
 import pytest
 
 from evenhand.study.server import participants as participating
-from evenhand.study.server import rights
 from evenhand.study.server.refusal import RefusalError
 from support.studies import STUDY, Browser, served
 
@@ -49,7 +48,7 @@ def test_another_token_is_another_participant_and_ids_stay_unique(kept):
 def test_who_has_withdrawn_cannot_begin_again_with_the_token(kept):
     token = secrets.token_urlsafe(32)
     participating.begin(kept, STUDY, "1", token=token)
-    rights.withdraw(kept, token)
+    participating.withdraw(kept, token)
     with pytest.raises(RefusalError) as refused:
         participating.begin(kept, STUDY, "1", token=token)
     assert refused.value.code == "withdrawn"

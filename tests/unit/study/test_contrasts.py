@@ -5,7 +5,6 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 from scipy import stats
-from statsmodels.stats.multitest import multipletests
 
 from evenhand.study.analysis import contrasts
 from evenhand.study.analysis.answers import Answers
@@ -100,18 +99,6 @@ def test_without_participants_nothing_can_be_said():
     assert np.isnan(one.p)
     assert np.isnan(one.difference.mean)
     assert one.difference.n == 0
-
-
-@pytest.mark.parametrize("p", [[0.01, 0.04, 0.03, 0.005], [0.5, 0.9], [0.2], [0.02, 0.02, 0.02]])
-def test_holm_is_statsmodels(p):
-    expected = multipletests(p, method="holm")[1]
-    assert contrasts.holm(np.array(p)) == pytest.approx(expected)
-
-
-def test_holm_leaves_out_what_is_missing():
-    found = contrasts.holm(np.array([0.01, NAN, 0.02]))
-    assert found[[0, 2]] == pytest.approx([0.02, 0.02])
-    assert np.isnan(found[1])
 
 
 def test_ratings_by_place_are_less_the_mean_of_their_set():

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenhand.study.server import participants, progress, rights, rows
+from evenhand.study.server import participants, progress, rows
 from evenhand.study.server.open_store import open_store
 from evenhand.study.server.participants import Sent
 from evenhand.study.server.refusal import STATUS, RefusalError
@@ -224,7 +224,7 @@ def test_any_text_comes_back_as_it_was_written(texts):
         token = begin(one)
         go(one, token, until="end")
         put(one, token, "end", {"why": text})
-        mine = rights.everything(one, token)["answers"]
+        mine = participants.everything(one, token)["answers"]
         [row] = [row["value"] for row in mine if row["question"] == "why"]
         kept_text = "".join(
             c for c in text if (c >= " " and not "\x7f" <= c <= "\x9f") or c in "\n\t"
@@ -253,7 +253,7 @@ def test_no_name_is_more_than_a_name(name, page, token, value):
 
 
 def order_of(kept, token):
-    return rights.everything(kept, token)["participant"]["order_number"]
+    return participants.everything(kept, token)["participant"]["order_number"]
 
 
 def test_the_least_filled_order_is_given(kept, clock):
@@ -283,7 +283,7 @@ def test_orders_without_end_are_given_once(clock):
     one = open_store("sqlite://", study, clock=clock)
     tokens = [participants.begin(one, study, "1")[0] for _ in range(5)]
     assert [order_of(one, token) for token in tokens] == [0, 1, 2, 3, 4]
-    rights.withdraw(one, tokens[2])
+    participants.withdraw(one, tokens[2])
     assert order_of(one, participants.begin(one, study, "1")[0]) == 2
     one.dispose()
 
@@ -295,20 +295,20 @@ def test_who_withdraws_leaves_a_row_that_says_so(kept):
     token, other = begin(kept, ids={"PROLIFIC_PID": "p", "STUDY_ID": "s"}), begin(kept)
     for one in (token, other):
         go(kept, one)
-    mine = rights.everything(kept, token)
+    mine = participants.everything(kept, token)
     assert mine["external"] == [{"prolific_pid": "p", "study_id": "s", "session_id": None}]
     assert len(mine["answers"]) == 10
     assert "token" not in mine["participant"]
-    rights.withdraw(kept, token)
-    rights.withdraw(kept, token)
+    participants.withdraw(kept, token)
+    participants.withdraw(kept, token)
     assert {r["participant"] for r in stored(kept)} == {
-        rights.everything(kept, other)["participant"]["participant"]
+        participants.everything(kept, other)["participant"]["participant"]
     }
-    for call in (rights.everything, lambda k, t: participants.state(k, STUDY, t)):
+    for call in (participants.everything, lambda k, t: participants.state(k, STUDY, t)):
         refused("withdrawn", call, kept, token)
     refused("withdrawn", put, kept, token, "about", {})
     assert progress.read(kept, STUDY)["real"]["counts"]["withdrawn"] == 1
-    refused("unknown-token", rights.withdraw, kept, "x")
+    refused("unknown-token", participants.withdraw, kept, "x")
     # ids are gone as well, so nobody knows that it is the same person
     begin(kept, ids={"PROLIFIC_PID": "p", "STUDY_ID": "s"})
 
@@ -326,7 +326,7 @@ def test_the_same_person_begins_once(kept):
     refused("already-begun", begin, kept, ids={"PROLIFIC_PID": "p"})
     # a lead may look as often as wanted, and leaves no ids
     preview = begin(kept, ids=ids, preview=True)
-    assert rights.everything(kept, preview)["external"] == []
+    assert participants.everything(kept, preview)["external"] == []
 
 
 def test_agreement_by_hand(kept):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenhand.core.errors import InputError
-from evenhand.core.toml.lines import line_of, lines
+from evenhand.core.toml_file import line_of, lines
 from evenhand.study.design import protocol_file
 from evenhand.study.design.protocol import Option
 from evenhand.study.design.protocol_file import PAPER, examine, read, unfinished

@@ -5,7 +5,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements
-from evenhand.study.analysis.arrow import pc
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.design import orders
 from evenhand.study.design.protocol import Question
 from evenhand.study.server import check_reply
@@ -63,9 +63,14 @@ def test_those_who_leave_do_not_finish_and_the_others_do():
     assert set(answers(protocol(), 10, 0, CAREFUL).table["status"].to_pylist()) == {"finished"}
 
 
+def fair(made):
+    """The ratings of fairness."""
+    return made.where(pc.equal(made.table["role"], "fair")).table["number"]
+
+
 def test_the_careless_are_quick_and_answer_alike_or_at_random():
     made = answers(protocol(), 40, 0, Habits(careless=1, alike=1, leaves=0))
-    assert set(made.of_role("fair").table["number"].to_pylist()) == {1.0}
+    assert set(fair(made).to_pylist()) == {1.0}
     careful = answers(protocol(), 40, 0, CAREFUL)
     quick, slow = (
         np.median(a.where(pc.equal(a.table["kind"], "check")).table["seconds"].to_numpy())
@@ -73,7 +78,7 @@ def test_the_careless_are_quick_and_answer_alike_or_at_random():
     )
     assert quick < slow / 3
     at_random = answers(protocol(), 200, 0, Habits(careless=1, alike=0, leaves=0))
-    shares = np.bincount(at_random.of_role("fair").table["number"].to_numpy().astype(int))[1:]
+    shares = np.bincount(fair(at_random).to_numpy().astype(int))[1:]
     assert shares.min() > 0.7 * shares.max()
 
 

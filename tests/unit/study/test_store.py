@@ -13,16 +13,7 @@ from sqlalchemy import text
 
 from evenhand.core.errors import InputError
 from evenhand.study.design.protocol import Protocol
-from evenhand.study.server import (
-    backup,
-    engines,
-    migrate,
-    participants,
-    progress,
-    rights,
-    rows,
-    schema,
-)
+from evenhand.study.server import backup, engines, migrate, participants, progress, rows, schema
 from evenhand.study.server.open_store import open_store
 from evenhand.study.server.participants import Sent, hashed
 from evenhand.study.server.refusal import StorageError
@@ -94,7 +85,7 @@ def test_what_was_withdrawn_is_not_left_in_the_file(kept, db):
         return b"".join(path.read_bytes() for path in db.parent.glob("study.db*"))
 
     assert SECRET.encode() in left()
-    rights.withdraw(kept, token)
+    participants.withdraw(kept, token)
     assert SECRET.encode() not in left()
     assert b"person-0815" not in left()
 

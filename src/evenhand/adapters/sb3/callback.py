@@ -34,11 +34,11 @@ from evenhand.methods.beyond import reflection
 from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.beyond.reflection import Directions, Reflection, ReflectionSettings
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import count, scores_of
+from evenhand.methods.paper.scores import count, scores_of
 from evenhand.methods.scheme import Scheme
 
 if TYPE_CHECKING:
-    from evenhand.adapters.updates import Examined
+    from evenhand.adapters.page import Examined
 
 _REFLECT = ReflectionSettings()
 
@@ -156,7 +156,7 @@ class EvennessCallback(BaseCallback):
         Raises:
             InputError: when the callback was told to examine none.
         """
-        from evenhand.adapters.updates import Examined  # brings Matplotlib
+        from evenhand.adapters.page import Examined  # brings Matplotlib
 
         if self._reflect is None:
             raise InputError("the callback examines no update: leave reflect as it is")
@@ -332,7 +332,6 @@ class EvennessCallback(BaseCallback):
 
 
 def _columns(ends: list[_End]) -> tuple[Any, ...]:
-    """Fields of ``Judging.write``."""
     lane = np.array([end.lane for end in ends], np.int64)
     order = np.argsort(lane, kind="stable")
     rank = np.empty_like(lane)

@@ -86,7 +86,6 @@ def examine(
 
 
 def _lengths(total: torch.Tensor, weights: list[torch.Tensor], part: torch.Tensor) -> torch.Tensor:
-    """Lengths of some directions, [d]."""
     found = torch.autograd.grad(total, weights, part, retain_graph=True, is_grads_batched=True)
     return torch.stack([one.flatten(1).square().sum(dim=1) for one in found]).sum(dim=0).sqrt()
 

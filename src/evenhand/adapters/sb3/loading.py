@@ -32,7 +32,6 @@ def triton_first() -> None:
 
 
 def _loaded() -> str:
-    """Libraries of this process."""
     try:
         return Path("/proc/self/maps").read_text()
     except OSError:

@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from evenhand.adapters.autoreset import mode_of, parted, statistics_of
 from evenhand.adapters.episodes import FINAL_OBS, of_lane
+from evenhand.adapters.lane_log import mode_of, parted, statistics_of
 from evenhand.core.errors import InputError
 from evenhand.restaurant.observation import ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv

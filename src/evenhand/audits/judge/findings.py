@@ -5,8 +5,6 @@ intersection that occurs, down to the depth that is asked for: one family of com
 one error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -97,9 +95,6 @@ def grouped(tally: Tally, depth: int = 1) -> Groups:
     Args:
         tally: counts of the log.
         depth: identities that are combined at most.
-
-    Raises:
-        InputError: for more than ``MOST_GROUPS`` groups.
     """
     kinds, who = np.unique(tally.codes, axis=0, return_inverse=True)
     names = list(tally.names())

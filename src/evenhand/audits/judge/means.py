@@ -15,8 +15,6 @@ adjusted over the groups by the greatest statistic (step-down max-T).
   more than a twentieth of their stratum, they are taken as normal too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -59,13 +57,7 @@ class _Scored:
 def compare(
     tally: Tally, rng: np.random.Generator, permutations: int = 2000
 ) -> tuple[MeasureFinding, ...]:
-    """Every measure and group of a log, against all others.
-
-    Args:
-        tally: counts of the log.
-        rng: source of randomness.
-        permutations: how many to draw.
-    """
+    """Every measure and group of a log, against all others."""
     return tuple(
         one
         for values in tally.values
@@ -116,14 +108,7 @@ def median(value: np.ndarray, n: np.ndarray) -> float:
 def p_values(
     tally: Tally, values: Values, rng: np.random.Generator, permutations: int
 ) -> np.ndarray:
-    """Adjusted p-values of means and of medians, [G, 2]; NaN where a side is empty.
-
-    Args:
-        tally: whose identities the groups are of.
-        values: of the measure.
-        rng: source of randomness.
-        permutations: how many to draw.
-    """
+    """Adjusted p-values of means and of medians, [G, 2]; NaN where a side is empty."""
     rows = _scored(tally, values)
     sums, variance, n = _moments(rows)
     spread = np.sqrt(np.where(variance > FLAT, variance, np.inf))

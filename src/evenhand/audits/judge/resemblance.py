@@ -14,8 +14,6 @@ called biased is above that of the shuffled ones by a one-sided z-test of two sh
 ``ALPHA``. The second alone would not do: windows drawn from one short log share its chances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import numpy as np
@@ -25,12 +23,10 @@ from evenhand.audits.count.tally import UNKNOWN, Tally
 from evenhand.audits.judge.results import Resemblance
 from evenhand.methods import detector_file
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.paper.issues import Counts, gaps, issue_score
+from evenhand.methods.paper.scores import Counts, gaps, issue_score
+from evenhand.methods.vocabulary import WINDOW
 from evenhand.statistics.permutation import orders
 from evenhand.statistics.windows import count_windows
-
-SERVICES = 30
-"""Services of a window."""
 
 ALPHA = 0.01
 """Level of the comparison with shuffled windows."""
@@ -47,9 +43,9 @@ def unasked(tally: Tally, detector: Detector) -> str | None:
             f"The detector judges {', '.join(detector.issues)} together, and the log does not "
             f"tell {', '.join(missing)}."
         )
-    if tally.services < SERVICES:
+    if tally.services < WINDOW:
         return (
-            f"The detector judges windows of {SERVICES} services, and the log has {tally.services}."
+            f"The detector judges windows of {WINDOW} services, and the log has {tally.services}."
         )
     return None
 
@@ -96,13 +92,7 @@ def ask(
 
 
 def clearly_above(share: float, other: float, n: int) -> bool:
-    """Whether one share of n is above another at ``ALPHA``: z-test with the pooled share.
-
-    Args:
-        share: of n windows.
-        other: of as many.
-        n: windows of either kind.
-    """
+    """Whether one share of n is above another at ``ALPHA``: z-test with the pooled share."""
     pooled = (share + other) / 2
     spread = np.sqrt(2 * pooled * (1 - pooled) / n)
     return bool(share - other > -ndtri(ALPHA) * spread)
@@ -117,13 +107,13 @@ def drawn_windows(
     stratum, so that it may, rarely, come twice in a window.
 
     Args:
-        tally: counts of the log, at least ``SERVICES`` of them.
+        tally: counts of the log, at least ``WINDOW`` of them.
         rng: source of randomness.
         windows: how many.
 
     Returns:
         Rows of the tally that the people come from, and those that their shuffled outcomes come
-        from, int64 [windows, SERVICES] each. Without shuffling, outcomes come from the first.
+        from, int64 [windows, WINDOW] each. Without shuffling, outcomes come from the first.
     """
     order = np.argsort(tally.stratum, kind="stable")
     ends = np.cumsum(tally.n[order])
@@ -138,7 +128,7 @@ def drawn_windows(
     services = int(ends[-1])
     if services <= SHORT:
         within = np.searchsorted(strata_ends, np.arange(services), side="right")
-        place = np.argsort(rng.random((windows, services)), axis=1)[:, :SERVICES]
+        place = np.argsort(rng.random((windows, services)), axis=1)[:, :WINDOW]
         shuffled = np.concatenate(
             [
                 np.take_along_axis(orders(services, len(part), rng, within), part, axis=1)
@@ -146,9 +136,9 @@ def drawn_windows(
             ]
         )
         return rows_of(place), rows_of(shuffled)
-    place = rng.integers(0, services, (windows, SERVICES))
+    place = rng.integers(0, services, (windows, WINDOW))
     while len(twice := np.flatnonzero((np.diff(np.sort(place, axis=1)) == 0).any(axis=1))):
-        place[twice] = rng.integers(0, services, (len(twice), SERVICES))
+        place[twice] = rng.integers(0, services, (len(twice), WINDOW))
     s = np.searchsorted(strata_ends, place, side="right")
     return rows_of(place), rows_of(rng.integers(strata_starts[s], strata_ends[s]))
 

@@ -1,7 +1,5 @@
 """What an audit finds, as plain records; its settings; and how verdicts become findings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import nan

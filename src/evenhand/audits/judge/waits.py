@@ -1,14 +1,12 @@
 """How long groups wait, from counts, with services without a response counted as censored.
 
-The formulas of :mod:`evenhand.statistics.survival`, on the number of responses and of people
-still waiting at each step: what it costs depends on the number of different times, not of services.
+The formulas work on the number of responses and of people still waiting at each step: what they
+cost depends on the number of different times, not of services.
 
 Within strata, log-rank sums and their variances are added up (Mantel 1966), and differences of the
 shares still waiting are weighed by Mantel and Haenszel, as those of rates are
 (:mod:`evenhand.statistics.strata`). Shares and medians of a group are of the whole log.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +17,7 @@ from scipy.special import ndtr, ndtri
 from evenhand.audits.count.tally import Identity, Tally, Waits
 from evenhand.audits.judge.results import WaitFinding
 from evenhand.statistics.intervals import recovered_limits, wilson
-from evenhand.statistics.windows import holm
+from evenhand.statistics.permutation import holm
 
 ROUNDING = 1e-12
 """A product of shares that is exactly one half may come out this much above it."""
@@ -79,7 +77,7 @@ def compare(tally: Tally, alpha: float = 0.05) -> tuple[WaitFinding, ...]:
     low, high = _limits(within, 1 - alpha / len(names))
     (p, q), (p_low, q_low), (p_high, q_high) = (np.split(a, 2) for a in (within.value, low, high))
     limits = recovered_limits(p, (p_low, p_high), q, (q_low, q_high))
-    test = holm(rank[:, None])[:, 0]
+    test = holm(rank)
     return tuple(
         WaitFinding(
             identity=identity,
@@ -117,7 +115,6 @@ def _compared(
 
 
 def _strata(waits: Waits) -> Iterator[Waits]:
-    """The services of each stratum."""
     order = np.argsort(waits.stratum, kind="stable")
     cuts = np.flatnonzero(np.diff(waits.stratum[order])) + 1
     for rows in np.split(order, cuts):

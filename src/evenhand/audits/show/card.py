@@ -77,12 +77,7 @@ class Plate:
 
 
 def render(findings: Findings, about: About) -> str:
-    """The card as HTML.
-
-    Args:
-        findings: what the statistics gave.
-        about: what was audited.
-    """
+    """The card as HTML."""
     verdict = findings.settings.verdict
     return page.fill(
         "card.html.j2",
@@ -138,13 +133,7 @@ def headline(findings: Findings) -> str:
 
 
 def plate(findings: Findings, identity: str, place: int) -> Plate:
-    """Figure and complete table of one identity.
-
-    Args:
-        findings: of an audit.
-        identity: one of ``figures.identities``.
-        place: of the identity, for names inside the page that owe nothing to the log.
-    """
+    """Figure and complete table of one identity."""
     these = [one for one in findings.findings if one.identity == identity]
     groups = list(dict.fromkeys(one.group for one in these))
     drawn = figures.drawn_groups(findings, identity)

@@ -17,7 +17,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 
-from evenhand.audits.show.wording import MINUS, NOT_KNOWN, shown
+from evenhand.audits.show.wording import NOT_KNOWN, shown
+from evenhand.core.wording import MINUS
 from evenhand.report import style
 from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE
 
@@ -59,13 +60,7 @@ def drawn_groups(findings: Findings, identity: str) -> list[str]:
 
 
 def differences(findings: Findings, identity: str, wide: bool = True) -> Figure:
-    """Difference of each group against the others with its interval, a panel an issue.
-
-    Args:
-        findings: of an audit.
-        identity: one of :func:`identities`.
-        wide: for paper and laptop, otherwise for a phone.
-    """
+    """Difference of each group against the others with its interval, a panel an issue."""
     groups = drawn_groups(findings, identity)
     these = [o for o in findings.findings if o.identity == identity and o.group in set(groups)]
     issues = list(dict.fromkeys(one.issue for one in these))
@@ -103,12 +98,7 @@ def differences(findings: Findings, identity: str, wide: bool = True) -> Figure:
 
 
 def waiting(findings: Findings, wide: bool = True) -> Figure:
-    """Share of each group still waiting at the limit with its interval, a panel an identity.
-
-    Args:
-        findings: of an audit whose log tells of waiting.
-        wide: for paper and laptop, otherwise for a phone.
-    """
+    """Share of each group still waiting at the limit with its interval, a panel an identity."""
     panels: dict[str, list[WaitFinding]] = {}
     for one in findings.waits:
         panels.setdefault(one.identity, []).append(one)

@@ -6,9 +6,7 @@ most first. What is not known is an empty cell, null, or "missing".
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +17,7 @@ from rich.markup import escape
 
 from evenhand.audits.show.sentences import summary
 from evenhand.audits.show.wording import About, number, points, rounded_up, share, shown
+from evenhand.core import csv_file
 from evenhand.statistics.verdicts import VERDICTS
 
 if TYPE_CHECKING:
@@ -93,7 +92,6 @@ FORMAT = 1
 """Of the JSON; grows when a field changes its meaning or goes."""
 
 _ENGINES = ("ibis-framework", "duckdb", "numpy", "scipy")
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def rows(findings: Findings) -> list[dict[str, Any]]:
@@ -120,26 +118,12 @@ def csv_text(listed: Sequence[Mapping[str, Any]], columns: Sequence[str] = COLUM
     """Rows as CSV: a header, all digits, an empty cell for what is not known.
 
     Text from the log that a spreadsheet would run as a formula gets an apostrophe before it.
-
-    Args:
-        listed: from :func:`rows` or one of its kin.
-        columns: those of the file, in order.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(columns)
-    for row in listed:
-        writer.writerow([_cell(row[column]) for column in columns])
-    return out.getvalue()
+    return csv_file.text_of(columns, ([_cell(row[name]) for name in columns] for row in listed))
 
 
 def plain(findings: Findings, about: About) -> dict[str, Any]:
-    """The whole audit as values that JSON knows; NaN becomes null.
-
-    Args:
-        findings: what the statistics gave.
-        about: what was audited.
-    """
+    """The whole audit as values that JSON knows; NaN becomes null."""
     told = summary(findings, about)
     return {
         "format": FORMAT,
@@ -251,7 +235,7 @@ def _cell(value: Any) -> Any:
     if value is None:
         return ""
     if isinstance(value, str):
-        return f"'{value}" if value.lstrip(" ").startswith(_FORMULA) else value
+        return csv_file.neutralised(value)
     if isinstance(value, list):
         return " ".join(str(_cell(entry)) for entry in value)
     return repr(value) if isinstance(value, float) else value

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING
 from evenhand.audits.show.wording import (
     HAPPENED,
     NOT_KNOWN,
-    SPACE,
     About,
     OfGroup,
     delta,
-    joined,
     last,
     level,
     number,
@@ -33,6 +31,7 @@ from evenhand.audits.show.wording import (
     shown,
     who,
 )
+from evenhand.core.wording import SPACE, joined
 from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, NO_EVIDENCE
 
 if TYPE_CHECKING:
@@ -71,12 +70,7 @@ class Summary:
 
 
 def summary(findings: Findings, about: About) -> Summary:
-    """All sentences of an audit.
-
-    Args:
-        findings: what the statistics gave.
-        about: what was audited.
-    """
+    """All sentences of an audit."""
     return Summary(
         verdict=verdict_sentence(findings),
         disparities=tuple(disparity_sentences(findings, about.within)),

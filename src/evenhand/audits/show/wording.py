@@ -6,8 +6,11 @@ import math
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
+from evenhand.core import wording
+from evenhand.core.wording import SPACE
 from evenhand.methods.paper.issues import Thresholds
 from evenhand.methods.vocabulary import SIMULATED
 
@@ -15,7 +18,9 @@ if TYPE_CHECKING:
     from evenhand.audits.judge.results import Findings
 
 NOT_KNOWN = "not known"
-MINUS, SPACE = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
+number = partial(wording.number, missing=NOT_KNOWN)
+share = partial(wording.percent, missing=NOT_KNOWN)
+points = partial(wording.points, missing=NOT_KNOWN)
 HAPPENED = {
     "willingness": ("was not answered", "services"),
     "quality": ("was answered from an improper distance", "answered services"),
@@ -100,27 +105,6 @@ def shown(name: str) -> str:
     )
 
 
-def number(value: float, places: int = 2) -> str:
-    """A number with so many decimals; NaN in words."""
-    if math.isnan(value):
-        return NOT_KNOWN
-    said = f"{value:,.{places}f}"
-    return said[1:] if _nothing(said) and said[0] == "-" else said.replace("-", MINUS)
-
-
-def share(value: float) -> str:
-    """A share in [0, 1] as per cent with one decimal; NaN in words."""
-    return NOT_KNOWN if math.isnan(value) else f"{100 * value:.1f}{SPACE}%"
-
-
-def points(value: float) -> str:
-    """A difference of shares in percentage points with its sign; NaN in words."""
-    if math.isnan(value):
-        return NOT_KNOWN
-    said = f"{100 * value:+.1f}"
-    return said[1:] if _nothing(said) else said.replace("-", MINUS)
-
-
 def p_value(p: float, sign: bool = False) -> str:
     """A p-value with three decimals; ``sign`` puts = before it where there is no <."""
     if math.isnan(p):
@@ -145,16 +129,6 @@ def level(findings: Findings) -> str:
 def delta(findings: Findings) -> str:
     """The relevant difference in percentage points."""
     return f"{100 * findings.settings.verdict.delta:g} percentage points"
-
-
-def _nothing(said: str) -> bool:
-    """Whether a number is rounded to 0, which has no sign."""
-    return not said.strip("+-0.,")
-
-
-def joined(names: Sequence[str]) -> str:
-    """Names as a list in a sentence."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def who(one: OfGroup) -> str:

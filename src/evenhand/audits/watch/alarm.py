@@ -18,7 +18,8 @@ import numpy as np
 
 from evenhand.audits.count.tally import Tally
 from evenhand.core.errors import InputError, whole
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
+from evenhand.methods.vocabulary import WINDOW
 from evenhand.statistics import sequential
 from evenhand.statistics.chance import check_level
 
@@ -36,7 +37,7 @@ class WatchSettings:
     """
 
     alpha: float = 0.05
-    batch: int = 30
+    batch: int = WINDOW
     most_groups: int = 64
 
     def __post_init__(self) -> None:

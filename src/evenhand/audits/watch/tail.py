@@ -102,7 +102,6 @@ class TextTail:
         return self.head + b"".join(taken)
 
     def _begin(self) -> None:
-        """Take the header, once it is whole."""
         end = self.rest.find(b"\n")
         while self.rest.count(b'"', 0, max(end, 0)) % 2:
             end = self.rest.find(b"\n", end + 1)

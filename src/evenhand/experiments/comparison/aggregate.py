@@ -5,8 +5,6 @@ that of Agarwal et al., "Deep reinforcement learning at the edge of the statisti
 NeurIPS 2021. Pure functions on arrays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import nan

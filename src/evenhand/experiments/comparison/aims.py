@@ -5,13 +5,13 @@ since a wide one would always pass. Where the interval of a decided number holds
 verdict says that these seeds do not settle it. One seed decides nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan
 
-from evenhand.report.table import Estimate, say, say_share
+from evenhand.core.wording import percent
+from evenhand.report.table import say
+from evenhand.statistics.means import Estimate
 
 REACHED, MISSED, UNKNOWN = "reached", "not reached", "cannot be told"
 STATES = (REACHED, MISSED, UNKNOWN)
@@ -66,11 +66,11 @@ def evenness(share: Estimate, service: float, found: float, reference: float) ->
     if service > 0:
         lower, attainable = 1 - found / service, 1 - reference / service
         way = "lower" if lower >= 0 else "higher"
-        words.insert(0, f"{say_share(abs(lower))} {way} than service alone")
+        words.insert(0, f"{percent(abs(lower))} {way} than service alone")
         if attainable >= HALF:
             enough = enough and lower >= HALF
         else:
-            words.insert(1, f"{say_share(attainable)} at most")
+            words.insert(1, f"{percent(attainable)} at most")
     return Verdict(REACHED if enough else MISSED, share, _joined(words))
 
 
@@ -109,10 +109,6 @@ def worst_group(difference: Estimate) -> Verdict:
 def biased(service: Estimate, found: Estimate) -> Verdict:
     """At least 90 % fewer epochs of training that the detector judges as biased.
 
-    Args:
-        service: how many with training on service alone.
-        found: how many with the method.
-
     Returns:
         With the share by which they are fewer; it has no interval.
     """
@@ -129,12 +125,7 @@ def biased(service: Estimate, found: Estimate) -> Verdict:
 
 
 def hypervolume(own: Estimate, rivals: Mapping[str, Estimate]) -> Verdict:
-    """At least that of every rival.
-
-    Args:
-        own: of the method.
-        rivals: of the others, by the name that is shown.
-    """
+    """At least that of every rival."""
     known = {name: one for name, one in rivals.items() if not isnan(one.mean)}
     if isnan(own.mean) or not known:
         return Verdict(UNKNOWN, own, "no rival" if not rivals else "a number is missing")

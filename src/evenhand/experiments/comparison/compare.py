@@ -5,11 +5,9 @@ share nothing, so that more seeds, arms or scenarios can be added to a folder at
 are made of all that is finished there.
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -20,7 +18,7 @@ from evenhand.core.errors import InputError
 from evenhand.core.processes import Stage, Task, Tell, run_all
 from evenhand.experiments import provenance
 from evenhand.experiments.comparison import earlier as compare_earlier
-from evenhand.experiments.comparison import manifest, tables
+from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import (
     NO_ALGORITHM,
     Cell,
@@ -30,8 +28,8 @@ from evenhand.experiments.comparison.settings import (
     method_of,
     place,
 )
-from evenhand.experiments.paper.tables import write
 from evenhand.experiments.settings import TEST_SEED
+from evenhand.report.table import write
 from evenhand.restaurant import worlds
 from evenhand.training import evaluate, run_folder, train
 from evenhand.training.jax_setup import set_up_jax
@@ -42,12 +40,6 @@ def compare(
     settings: CompareSettings, stage: Stage, announce: Callable[[str], None], command: str
 ) -> list[tables.Row]:
     """Run whatever is missing in the folder, then write tables, manifest, figures and report.
-
-    Args:
-        settings: of the comparison.
-        stage: shows progress.
-        announce: told, before anything runs, how much there is to do, and what is odd.
-        command: noted in the manifest.
 
     Returns:
         The rows of ``summary.csv``, of everything finished in the folder.
@@ -101,7 +93,7 @@ def compare(
         write(out / "results.csv", tables.tidy(results), tables.RESULTS)
         write(out / "summary.csv", summary, tables.SUMMARY)
         write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
-        manifest.write(
+        write_manifest(
             out, settings, command, made, found, earlier,
             {arm: fingerprint_of(arm, settings.epochs) for arm in {c.arm for c in results}},
         )  # fmt: skip
@@ -163,9 +155,6 @@ def learn_and_serve(
 
     Returns:
         The numbers of the test, and its physics steps.
-
-    Raises:
-        InputError: as ``run.execute`` does.
     """
     seed = TEST_SEED + cell.seed
     method, _ = method_of(cell.arm)
@@ -208,7 +197,6 @@ def finished(out: Path, epochs: int, services: int) -> dict[Cell, dict[str, Any]
 
 
 def _folders(out: Path) -> Iterator[tuple[Path, Cell | None]]:
-    """Every folder where a run ended, and its cell; None where its name is that of no run."""
     for path in sorted((out / "runs").glob("*/*/*/*/done.json")):
         scenario, algorithm, arm, last = path.relative_to(out / "runs").parts[:4]
         seed = re.fullmatch(r"seed-(\d+)", last)
@@ -224,11 +212,7 @@ def _folders(out: Path) -> Iterator[tuple[Path, Cell | None]]:
 def _check_origins(
     out: Path, cells: Iterable[Cell], made: provenance.Origin, epochs: int, services: int
 ) -> None:
-    """No run that is there was made by something else than what would make it now.
-
-    Raises:
-        InputError: when one was.
-    """
+    """No run that is there was made by something else than what would make it now."""
     begun = {cell: {"folder": cell.folder(out)} for cell in cells}
     for cell, done in (begun | finished(out, epochs, services)).items():
         folder = done["folder"]
@@ -241,7 +225,6 @@ def _oddities(
     earlier: compare_earlier.Earlier | None,
     made: provenance.Origin,
 ) -> Iterator[str]:
-    """What a user should know before anything runs."""
     for folder, cell in _folders(out):
         if cell is None:
             yield f"{folder} is left out: it has not the name of a run"
@@ -253,7 +236,6 @@ def _oddities(
 
 
 def _units(cell: Cell, epochs: int, services: int) -> int:
-    """Services of a run, in training and test."""
     trained = epochs * evaluate.WINDOW if cell.algorithm != NO_ALGORITHM else 0
     return trained + services
 
@@ -265,4 +247,43 @@ def _plan(settings: CompareSettings, cells: list[Cell], done: int) -> str:
         f"{len(cells):,} runs, {rest}: {learn:,} of {settings.epochs:,} epochs and a test of "
         f"{settings.services:,} services, {len(cells) - learn:,} of a test alone, "
         f"{settings.workers} at a time; the bar shows how long they take once the first have served"
+    )
+
+
+def write_manifest(
+    out: Path,
+    settings: CompareSettings,
+    command: str,
+    made: provenance.Origin,
+    found: Mapping[Cell, dict[str, Any]],
+    earlier: compare_earlier.Earlier | None,
+    prints: Mapping[str, str],
+) -> None:
+    """Write ``manifest.json``: what a comparison says of itself."""
+    plain = {n: v for n, v in asdict(settings).items() if n not in ("out", "earlier")}
+    cells = sorted({*found, *(earlier.results if earlier else ())}, key=place)
+    seeds = sorted({cell.seed for cell in cells})
+    arms = list(dict.fromkeys(cell.arm for cell in cells))
+    places = list(dict.fromkeys(cell.scenario for cell in cells))
+    origins = [provenance.of_run(done["folder"], done) for done in found.values()]
+    files.write_json(
+        out / "manifest.json",
+        {
+            **provenance.heading(made, command),
+            "settings": {n: list(v) if isinstance(v, tuple) else v for n, v in plain.items()},
+            "versions": made["versions"],
+            "made_with": provenance.distinct(origins),
+            "runs": len(found),
+            "run_seconds": round(sum(done["seconds"] for done in found.values()), 1),
+            "earlier": earlier.manifest if earlier else None,
+            "scenarios": places,
+            "worlds": {name: worlds.scenario(name).described() for name in places},
+            "algorithms": list(dict.fromkeys(cell.algorithm for cell in cells)),
+            "arms": arms,
+            "fingerprints": {arm: prints[arm] for arm in arms},
+            "detector": provenance.shipped_detector(),
+            "seeds": seeds,
+            "test_seeds": [TEST_SEED + seed for seed in seeds],
+            "people": evaluate.WINDOW,
+        },
     )

@@ -1,7 +1,5 @@
 """Runs of an earlier comparison, taken from its table instead of being done again."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -11,8 +9,7 @@ from typing import Any
 
 from evenhand.core import files
 from evenhand.core.errors import InputError
-from evenhand.experiments.comparison.computing import computed
-from evenhand.experiments.comparison.settings import Cell, checked
+from evenhand.experiments.comparison.settings import Cell, checked, computed
 from evenhand.experiments.comparison.tables import METRICS, RESULTS
 from evenhand.restaurant import worlds
 from evenhand.training import run_folder
@@ -44,13 +41,6 @@ def load(
     table: Path, epochs: int, services: int, prints: Callable[[str], str], detector: str
 ) -> Earlier:
     """Read ``results.csv`` of an earlier comparison, with its manifest.
-
-    Args:
-        table: the CSV file; its manifest stands beside it.
-        epochs: of training, which must be the same.
-        services: of the test, which must be the same.
-        prints: fingerprint of an arm's settings as they are now, by the arm's name.
-        detector: fingerprint of the detector as it is now.
 
     Returns:
         Every run in the table.
@@ -103,7 +93,6 @@ def _other(table: Path, what: str) -> InputError:
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a comparison, its fields of the right kind."""
     noted = files.read_json(path)
     needed = ("settings", "fingerprints", *NOTED)
     if not isinstance(noted, dict) or not noted.keys() >= {*needed}:

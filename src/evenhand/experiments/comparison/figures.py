@@ -3,8 +3,6 @@
 Takes: one row for each arm. Gives: a figure of each algorithm.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

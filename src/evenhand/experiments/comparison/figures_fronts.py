@@ -3,8 +3,6 @@
 A panel a scenario, a line a method, a mark an algorithm: evenness and service in one number.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

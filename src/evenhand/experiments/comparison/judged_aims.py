@@ -4,18 +4,19 @@ Each of Evenhand's methods is judged at its standard strength, for choosing the 
 out best would be choosing on the test; only where the standard one was not run, each other is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 
+from evenhand.core.wording import NOT_DEFINED, percent, points
 from evenhand.experiments.comparison import aims
 from evenhand.experiments.comparison.aims import Verdict
 from evenhand.experiments.comparison.figures import looks, own
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label, method_of
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.style import ARMS
-from evenhand.report.table import ISSUES, NOT_DEFINED, Estimate, say, say_share
+from evenhand.report.table import say
+from evenhand.statistics.means import Estimate
 
 ICONS = {aims.REACHED: "✓", aims.MISSED: "✗", aims.UNKNOWN: "?"}
 EVENNESS, PERFECT, WORST, VOLUME = (
@@ -48,15 +49,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the aims came to for one arm.
-
-    Attributes:
-        arm: its name for readers.
-        lines: by scenario and algorithm.
-        whole: aims that are not for every scenario: (aim, algorithm, verdict).
-        counts: how many verdicts of each state: (state, icon, count).
-        words: the same in sentences.
-    """
+    """What the aims came to for one arm."""
 
     arm: str
     lines: list[Line]
@@ -112,7 +105,6 @@ def _judge(c: Comparison, arm: str) -> Judged:
 
 
 def _verdicts(c: Comparison, scenario: str, algorithm: str, arm: str) -> Iterator[Verdict | None]:
-    """In the order of ``AIMS``."""
     if scenario == "even":
         yield from (None, None, None)
     else:
@@ -158,7 +150,6 @@ def _evenness(c: Comparison, scenario: str, algorithm: str, arm: str) -> Verdict
 
 
 def _whole(c: Comparison, algorithm: str, arm: str) -> Iterator[tuple[str, Verdict]]:
-    """The aims that are not for every scenario."""
     if c.has("prejudiced", algorithm, arm):
         service, own = (
             c.estimate("prejudiced", algorithm, name, "biased_epochs") for name in ("service", arm)
@@ -177,12 +168,6 @@ def _whole(c: Comparison, algorithm: str, arm: str) -> Iterator[tuple[str, Verdi
 # --- words --------------------------------------------------------------------------------------
 
 
-def points(number: float) -> str:
-    """A difference of shares in percentage points."""
-    rounded = round(100 * number, 1)
-    return f"{rounded:+.1f}".replace("-", "\N{MINUS SIGN}") if rounded else "0.0"
-
-
 def interval(number: Estimate, tell: Callable[[float], str]) -> str:
     """The limits in brackets; nothing without them."""
     if isnan(number.mean) or isnan(number.low):
@@ -196,12 +181,12 @@ def cell(aim: str, verdict: Verdict) -> Cell:
     if isnan(number.mean):
         value = NOT_DEFINED
     elif aim == EVENNESS:
-        value = f"{say_share(number.mean)} attained"
-        limits = interval(number, say_share)
+        value = f"{percent(number.mean)} attained"
+        limits = interval(number, percent)
     elif aim in (PERFECT, WORST):
         value, limits = f"{points(number.mean)} points", interval(number, points)
     elif aim == BIASED:
-        value = f"{say_share(abs(number.mean))} {'fewer' if number.mean >= 0 else 'more'}"
+        value = f"{percent(abs(number.mean))} {'fewer' if number.mean >= 0 else 'more'}"
     elif aim == MOST:
         value = f"in {number.mean:.0f} of {number.n}"
     else:
@@ -210,7 +195,6 @@ def cell(aim: str, verdict: Verdict) -> Cell:
 
 
 def _sentences(found: Sequence[tuple[str, str, Verdict]]) -> Iterator[str]:
-    """A sentence for each aim: where it is reached, and each case where it is not."""
     for aim in (*AIMS, BIASED, MOST):
         cases = [(where, verdict) for name, where, verdict in found if name == aim]
         if not cases:

@@ -5,8 +5,6 @@ Takes: a folder with ``results.csv``, ``summary.csv``, ``fronts.csv`` and ``mani
 other file. Nothing here simulates or learns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +12,8 @@ from typing import Any
 from evenhand.core import files
 from evenhand.experiments.comparison import figures as figures_compare
 from evenhand.experiments.comparison import figures_fronts, judged_aims, read, words
-from evenhand.experiments.comparison.computing import computed
 from evenhand.experiments.comparison.read import Comparison
+from evenhand.experiments.comparison.settings import computed
 from evenhand.report import page as html
 from evenhand.report.figure import Drawn, write
 
@@ -27,9 +25,6 @@ def build(folder: Path | str) -> Path:
 
     The same tables give the same bytes. Each file is written aside and renamed, so that a
     report which stands is whole.
-
-    Args:
-        folder: the folder of the comparison.
 
     Returns:
         The path of ``report.html``.
@@ -52,7 +47,6 @@ def build(folder: Path | str) -> Path:
 
 
 def _side_by_side(c: Comparison) -> list[Mapping[str, Any]]:
-    """One row for each arm with the two aims that the figures show."""
     rows: list[Mapping[str, Any]] = []
     for scenario in c.scenarios:
         for algorithm in (read.NO_ALGORITHM, *c.algorithms):
@@ -69,12 +63,7 @@ def _side_by_side(c: Comparison) -> list[Mapping[str, Any]]:
 
 
 def render(comparison: Comparison, drawn: Sequence[Drawn]) -> str:
-    """The whole page.
-
-    Args:
-        comparison: what was read from the folder.
-        drawn: the figures, in order.
-    """
+    """The whole page."""
     manifest = comparison.manifest
     commit = manifest["commit"]
     return html.fill(
@@ -102,7 +91,6 @@ def render(comparison: Comparison, drawn: Sequence[Drawn]) -> str:
 
 
 def _facts(c: Comparison) -> list[tuple[str, str]]:
-    """The facts under the title."""
     manifest = c.manifest
     settings, counts, seeds = manifest["settings"], c.seed_counts, c.seeds
     many = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
@@ -130,11 +118,9 @@ def _facts(c: Comparison) -> list[tuple[str, str]]:
 
 
 def _learners(c: Comparison) -> str:
-    """What learned, as the end of a phrase."""
     labels = [judged_aims.algorithm_label(name) for name in c.algorithms]
     return f" with {' and '.join(labels)}" if labels else ""
 
 
 def _hours(seconds: float) -> str:
-    """Computing time of all runs added up."""
     return f"{seconds / 3600:,.1f} h" if seconds >= 7200 else html.duration(seconds)

@@ -3,8 +3,6 @@
 May touch: the disk (reading only).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +14,8 @@ from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
 from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.report.read_tables import read_table
-from evenhand.report.table import Estimate, Table
+from evenhand.report.table import Table
+from evenhand.statistics.means import Estimate
 
 NO_ALGORITHM = "none"
 _ENDS = ("", "_low", "_high")
@@ -62,14 +61,7 @@ _NONE = Estimate(nan, nan, nan, 0)
 
 @dataclass(frozen=True)
 class Comparison:
-    """Everything that the page is made of.
-
-    Attributes:
-        results: every number of every run.
-        summary: what the seeds say together.
-        fronts: hypervolumes.
-        manifest: settings, versions, commit and command.
-    """
+    """Everything that the page is made of."""
 
     results: Table
     summary: Table

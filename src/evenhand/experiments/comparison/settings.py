@@ -1,10 +1,9 @@
 """What can be set of a comparison: arms, algorithms, runs; imports nothing heavy."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
@@ -178,3 +177,14 @@ def place(cell: Cell) -> tuple[object, ...]:
         -1.0 if strength is None else strength,
         cell.seed,
     )
+
+
+def computed(noted: Mapping[str, Any]) -> float | None:
+    """Seconds of computing of a comparison and of those that it took runs from, if noted."""
+    found, one = [], noted
+    while isinstance(one, Mapping):
+        found.append(one.get("run_seconds"))
+        one = one.get("earlier")
+    if not all(isinstance(seconds, (int, float)) for seconds in found):
+        return None
+    return float(sum(found))

@@ -1,7 +1,5 @@
 """Tables of the comparison: numbers of a test, and what several seeds say together."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from math import nan
@@ -13,6 +11,7 @@ from evenhand.experiments.comparison import aggregate
 from evenhand.experiments.comparison.aggregate import Estimate
 from evenhand.experiments.comparison.settings import NO_ALGORITHM, Cell, method_of, place
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, membership
 from evenhand.methods.services import Interactions
 from evenhand.statistics import chance
 from evenhand.training import evaluate
@@ -61,8 +60,8 @@ def numbers(table: Interactions) -> dict[str, float | None]:
         perfect_rate; worst_group_rate: the least among the groups with at least 30 services. None
         where nothing is known.
     """
-    x, who = issues.indicators(table), issues.membership(table)
-    scores = chance.excess_scores(issues.count(x, who.inside), who.groups, ISSUES)
+    x, who = issues.indicators(table), membership(table)
+    scores = chance.excess_scores(count(x, who.inside), who.groups, ISSUES)
     good = evaluate.perfect(table)
     windows = evaluate.window_scores(table).total
     windows = windows[~np.isnan(windows)]

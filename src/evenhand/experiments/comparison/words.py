@@ -3,8 +3,6 @@
 Every sentence about this comparison is composed from its numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isnan
@@ -13,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from evenhand.core import files
+from evenhand.core.wording import NOT_DEFINED, percent
 from evenhand.experiments.comparison.aims import SIX
 from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.experiments.comparison.judged_aims import algorithm_label, interval
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label
 from evenhand.experiments.comparison.settings import UNTUNED
-from evenhand.report.table import NOT_DEFINED, Estimate, say, say_share
+from evenhand.report.table import say
+from evenhand.statistics.means import Estimate
 
 SEEDS, SERVICES = 10, 5000
 """What the aims ask for."""
@@ -55,7 +55,7 @@ class Number:
 
 def number(estimate: Estimate, share: bool = False) -> Number:
     """An estimate as text; missing in words."""
-    tell = say_share if share else say
+    tell = percent if share else say
     return Number(tell(estimate.mean), interval(estimate, tell))
 
 
@@ -214,6 +214,5 @@ def _methods(c: Comparison) -> set[str]:
 
 
 def _missing(c: Comparison) -> int:
-    """Numbers that are not defined, but for biased epochs of what was not trained."""
     untrained = (c.results["algorithm"] == NO_ALGORITHM) & (c.results["metric"] == "biased_epochs")
     return int((np.isnan(c.results["value"]) & ~untrained).sum())

@@ -59,11 +59,7 @@ class Dataset:
 
 
 def check() -> None:
-    """Before long work: is Minari there?
-
-    Raises:
-        InputError: when it is not.
-    """
+    """Before long work: is Minari there?"""
     for package in ("minari", "h5py", "PIL"):
         if importlib.util.find_spec(package) is None:
             raise InputError(
@@ -80,14 +76,6 @@ def write(
     tell: Callable[[int], None] = lambda done: None,
 ) -> Path:
     """Let a robot serve, and write a dataset that ``minari.load_dataset`` reads.
-
-    Args:
-        folder: of datasets, what ``MINARI_DATASETS_PATH`` is to be when they are read.
-        dataset: what it is called, and whose it is.
-        server: who serves.
-        services: how many episodes.
-        seed: of the first.
-        tell: told how many more services are done.
 
     Returns:
         Folder of the dataset.

@@ -5,8 +5,6 @@ together from these measured services. What comes out is a value to start from: 
 holds the odds that are used, and ``evenhand demos`` measures these in the simulator.
 """
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +16,8 @@ import numpy as np
 from evenhand.core.errors import unknown
 from evenhand.core.processes import Tell
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import count, gaps, issue_score
+from evenhand.methods.vocabulary import WINDOW
 from evenhand.restaurant import people, robots, worlds
 from evenhand.restaurant.serve_people import serve_people
 
@@ -30,7 +30,6 @@ SIGNATURES = {
 
 EVERY = "all"
 """Instead of a robot's name: every robot that the paper prints a signature of."""
-WINDOW = 30
 POPULATION = "uniform"
 UNSEEN = 2000
 """Windows on which odds are measured that the search has come to; it has not seen these."""
@@ -79,13 +78,7 @@ class Served:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a search has come to for one robot.
-
-    Attributes:
-        name: of the robot.
-        found: with the odds that were found.
-        used: with the odds of ``robots.BIASES``, on the same windows.
-    """
+    """What a search has come to for one robot."""
 
     name: str
     found: Served
@@ -99,9 +92,6 @@ class Calibration:
 
 def chosen(robot: str) -> tuple[str, ...]:
     """Robots to search odds of.
-
-    Args:
-        robot: a name, or ``EVERY``.
 
     Raises:
         InputError: when the paper prints no signature of this robot.
@@ -189,8 +179,8 @@ def expected_scores(
     pick = rng.integers(pool.steps.shape[1], size=(windows, WINDOW))
     x = pool.issue[manner, pick]
     inside = (code[..., None] == np.arange(k)).astype(float)
-    gap = issues.gaps(issues.count(x, inside))
-    score = np.array([_mean(column) for column in issues.issue_score(gap).T])
+    gap = gaps(count(x, inside))
+    score = np.array([_mean(column) for column in issue_score(gap).T])
     responded = x[..., 0] == 0.0
     return (
         score,

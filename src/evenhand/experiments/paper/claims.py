@@ -1,35 +1,124 @@
 """The paper's claims against what came out. Every verdict follows a rule in ``verdicts``."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
-from evenhand.experiments.paper.tables import Row
-from evenhand.experiments.paper.verdicts import (
-    CONTRADICTED,
-    REPRODUCED,
-    UNTESTED,
-    UNTOLD,
-    Claim,
-    above_zero,
-    at_least,
-    claim,
-    contains,
-    interval,
-    number,
-    reduction,
-    t_interval,
-    undecided,
-)
+from evenhand.experiments.paper.report.results import CONTRADICTED, REPRODUCED, UNTESTED, UNTOLD
 from evenhand.methods.vocabulary import ISSUES
+from evenhand.report.table import Row
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
+from evenhand.statistics.means import mean_interval
+
+SAME = 1e-12
+"""Seeds that differ by less are alike."""
+Claim = dict[str, Any]
+
+
+def claim(
+    name: str,
+    text: str,
+    paper: Any,
+    ours: Any,
+    ci95: Sequence[Any] | None,
+    seeds: int | None,
+    status: str,
+    evidence: str,
+) -> Claim:
+    """One row of ``claims.json``."""
+    return {
+        "id": name,
+        "claim": text,
+        "paper": paper,
+        "ours": ours,
+        "ci95": None if ci95 is None else list(ci95),
+        "seeds": seeds,
+        "status": status,
+        "evidence": evidence,
+    }
+
+
+def reduction(without: np.ndarray, with_guidance: np.ndarray) -> tuple[float, float, float]:
+    """Share by which guidance lowers a mean, with a 95 % interval over paired seeds.
+
+    The interval is Student's t of the paired differences, divided by the mean without guidance.
+
+    Args:
+        without: one number a seed, [S].
+        with_guidance: of the same seeds, [S].
+
+    Returns:
+        Estimate, lower and upper end; NaN for the ends with one seed, and for all three when
+        the mean without guidance is 0.
+    """
+    base = float(without.mean())
+    if base == 0.0:
+        return float("nan"), float("nan"), float("nan")
+    difference = without - with_guidance
+    estimate = float(difference.mean()) / base
+    n = len(difference)
+    if n < 2:
+        return estimate, float("nan"), float("nan")
+    half = float(stats.t.ppf(0.975, n - 1)) * float(difference.std(ddof=1)) / np.sqrt(n) / base
+    return estimate, estimate - half, estimate + half
+
+
+def at_least(low: float, high: float, bound: float) -> str:
+    """Verdict on "at least ``bound``": the interval lies above, below, or around it."""
+    if no_interval(low, high):
+        return UNTOLD
+    if low >= bound:
+        return REPRODUCED
+    return CONTRADICTED if high < bound else UNTOLD
+
+
+def contains(low: float, high: float, number: float) -> str:
+    """Verdict on "equals ``number``" for an estimate with an interval."""
+    return REPRODUCED if low <= number <= high else CONTRADICTED
+
+
+def above_zero(low: float, high: float) -> str:
+    """Verdict on "greater than 0": the interval lies above, below, or around it."""
+    if no_interval(low, high):
+        return UNTOLD
+    if low > 0:
+        return REPRODUCED
+    return CONTRADICTED if high < 0 else UNTOLD
+
+
+def no_interval(low: float, high: float) -> bool:
+    """Whether seeds say nothing of how they vary: an end is NaN, or all of them are alike."""
+    return bool(np.isnan(low) or np.isnan(high) or high - low < SAME)
+
+
+def undecided(status: str, low: float, high: float, bound: float) -> str:
+    """Why a verdict is "cannot be told" or "cannot be tested"; nothing for another one."""
+    if status == UNTESTED:
+        return "Without guidance there was nothing to lower."
+    if status != UNTOLD:
+        return ""
+    if np.isnan(low):
+        return "One seed gives no interval: run more seeds."
+    if no_interval(low, high):
+        return "The difference is the same in every seed, which gives no interval: run more seeds."
+    return f"The interval holds {bound:.3g}: these seeds cannot tell."
+
+
+def number(value: float) -> float | None:
+    """The number, or None for NaN, which JSON cannot hold."""
+    return None if np.isnan(value) else value
+
+
+def interval(low: float, high: float) -> tuple[float, float] | None:
+    """Both ends, or None if one is NaN."""
+    return None if np.isnan(low) or np.isnan(high) else (low, high)
+
 
 LOWER_SCORE = 0.22
 """Share by which guidance lowers the total issue score in the paper's test."""
@@ -39,14 +128,7 @@ SIGNATURE_TOLERANCE = 0.05
 
 
 def all_claims(demos: Demos, study: Study, epochs: list[Row], test: list[Row]) -> list[Claim]:
-    """Every claim, in the order of the report.
-
-    Args:
-        demos: demonstrations of the scripted robots.
-        study: simulated judgements and the detector.
-        epochs: rows of ``epochs.csv``.
-        test: rows of ``test.csv``.
-    """
+    """Every claim, in the order of the report."""
     presets = list(dict.fromkeys(row["preset"] for row in test))
     out = _detector_claims(study)
     for preset in presets:
@@ -158,7 +240,8 @@ def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
         for part in ((0, early), (end - late, end))
     )
     change = last - first
-    low, high = np.clip(t_interval(change), -1.0, 1.0)  # a change of shares
+    found = mean_interval(change, within=(-1.0, 1.0))  # a change of shares
+    low, high = found.low, found.high
     status = above_zero(low, high)
     return claim(
         name,
@@ -187,7 +270,6 @@ def _lowered(
     evidence: str,
     goal: float | None = None,
 ) -> Claim:
-    """The claim that guidance lowers something: by the share ``goal``, or at all."""
     estimate, low, high = reduction(*pair)
     bound = 0.0 if goal is None else goal
     status = above_zero(low, high) if goal is None else at_least(low, high, goal)
@@ -211,7 +293,6 @@ def _between(epochs: list[Row], first: int, end: int) -> list[Row]:
 def _by_seed(
     rows: list[Row], preset: str, arm: str, name: str, measure: Callable[..., Any] = np.mean
 ) -> np.ndarray:
-    """What ``measure`` makes of a column, for every seed in order, [seeds]."""
     mine = [row for row in rows if row["preset"] == preset and row["arm"] == arm]
     seeds = sorted({row["seed"] for row in mine})
     return np.array(
@@ -222,7 +303,6 @@ def _by_seed(
 def _without_and_with(
     rows: list[Row], preset: str, algorithm: str, name: str, measure: Callable[..., Any] = np.mean
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same, without and with guidance."""
     without, guided = (
         _by_seed(rows, preset, arm, name, measure) for arm in (algorithm, f"{algorithm}+guidance")
     )

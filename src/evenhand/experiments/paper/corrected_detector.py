@@ -6,17 +6,15 @@ scores, so the raw detector has the easier task: what the corrected one gains mu
 windows of even robots, where whatever is called biased is chance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study, complete
-from evenhand.methods.vocabulary import IDENTITIES, SIMULATED
+from evenhand.methods.vocabulary import IDENTITIES, MANUAL_THRESHOLD, SIMULATED
 from evenhand.statistics import detector_accuracy
 from evenhand.statistics.chance import excess_scores
-from evenhand.statistics.detector_accuracy import MANUAL_THRESHOLD, CalibrationBin, Share, wilson
+from evenhand.statistics.detector_accuracy import CalibrationBin, Share, wilson
 from evenhand.training.evaluate import window_counts
 
 JUDGES = ("raw", "corrected", "threshold", "respondents")
@@ -55,13 +53,7 @@ def seen_without_chance(demos: Demos, study: Study) -> np.ndarray:
 
 
 def side_by_side(demos: Demos, study: Study, seed: int) -> list[Record]:
-    """Every judge of ``JUDGES`` on the judged windows.
-
-    Args:
-        demos: the windows.
-        study: the judgements of them, with the detector on raw scores.
-        seed: that the study was made with; it decides the folds.
-    """
+    """Every judge of ``JUDGES`` on the judged windows."""
     whole = complete(study.seen)
     kinds = [kind for kind, kept in zip(study.said.kinds, whole, strict=True) if kept]
     answers = study.said.biased[whole]

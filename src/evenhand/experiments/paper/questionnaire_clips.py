@@ -136,11 +136,7 @@ def _manners(one: Scene | None, codes: np.ndarray, rng: np.random.Generator) -> 
 
 
 def choose(served: Mapping[str, Footage], scenes: Sequence[Scene] = SCENES) -> list[Choice]:
-    """Search the clips, scenario by scenario; the same services give the same clips.
-
-    Raises:
-        InputError: when there are no such services.
-    """
+    """Search the clips, scenario by scenario; the same services give the same clips."""
     found: list[Choice] = []
     visible = _Sight()
     for one in scenes:
@@ -197,7 +193,6 @@ def _pairs(one: Scene, biased: Footage, even: Footage, visible: _Sight) -> list[
 
 
 def _perfect(footage: Footage) -> np.ndarray:
-    """Services without any issue, bool [N]."""
     x = issues.indicators(footage.facts)
     return (x == 0.0).all(axis=1)
 
@@ -244,7 +239,6 @@ def _direction(eye: np.ndarray, point: np.ndarray) -> float:
 
 
 def _turn(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -257,18 +251,8 @@ def film(
 ) -> list[Path]:
     """Make the clips and their manifest.
 
-    Args:
-        folder: where they go.
-        seed: of people, places and chances.
-        style: how clips look.
-        scenes: the scenarios.
-        stage: begins a stage of so many pictures; returns where to tell of progress.
-
     Returns:
         Paths of the clips, and last that of the manifest.
-
-    Raises:
-        InputError: as ``choose`` and ``clip.shoot``.
     """
     served = serve(seed, scenes)
     choices = choose(served, scenes)

@@ -1,7 +1,5 @@
 """The paper's experiment from end to end: demonstrations, study, training, test, report."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,12 +11,13 @@ from typing import Any
 from evenhand.core import files
 from evenhand.core.processes import Stage, Task, Tell, run_all
 from evenhand.experiments import provenance
-from evenhand.experiments.paper import claims, demonstrations, replays, study_tables, tables
+from evenhand.experiments.paper import claims, demonstrations, tables
 from evenhand.experiments.paper.report.build import build
 from evenhand.experiments.settings import DEMO_SEED, PRESETS, TEST_SEED, ReproduceSettings
 from evenhand.methods import detector_file, registry
+from evenhand.restaurant import replay
 from evenhand.restaurant.replay.page import read_script
-from evenhand.training import checkpoint, evaluate, run_folder
+from evenhand.training import checkpoint, evaluate, recordings, run_folder
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -48,11 +47,6 @@ def arms_of(preset: str) -> list[str]:
 
 def reproduce(settings: ReproduceSettings, stage: Stage, command: str) -> Path:
     """Run whatever is missing in the folder, then write tables, claims and the report.
-
-    Args:
-        settings: of the experiment.
-        stage: shows progress.
-        command: noted in the manifest.
 
     Returns:
         Path of the report.
@@ -135,7 +129,6 @@ def key_of(training: TrainSettings, services: int) -> str:
 
 
 def _run_of(settings: ReproduceSettings, preset: str, arm: str, seed: int) -> tuple[Path, str]:
-    """Folder and key of a run."""
     training = training_of(preset, arm, seed, settings.epochs, settings.population)
     folder = settings.out / "runs" / preset / arm / f"seed-{seed:02d}"
     return folder, key_of(training, settings.services)
@@ -170,11 +163,7 @@ def finished(out: Path, settings: ReproduceSettings) -> list[dict[str, Any]]:
 
 
 def _check_origins(out: Path, settings: ReproduceSettings, made: provenance.Origin) -> None:
-    """No run that is there was made by other versions.
-
-    Raises:
-        InputError: when one was.
-    """
+    """No run that is there was made by other versions."""
     for preset in PRESETS:
         for seed in _seeds_there(out, preset):
             for arm in arms_of(preset):
@@ -184,7 +173,6 @@ def _check_origins(out: Path, settings: ReproduceSettings, made: provenance.Orig
 
 
 def _train(out: Path, settings: ReproduceSettings, made: provenance.Origin, stage: Stage) -> None:
-    """Train and test every arm."""
     tasks = []
     # PPO takes longest: begin with it, so that no process is left alone with it at the end
     for preset in sorted(settings.preset, reverse=True):
@@ -203,13 +191,13 @@ def _train(out: Path, settings: ReproduceSettings, made: provenance.Origin, stag
                                 preset, arm, seed, settings.epochs, settings.population
                             ),
                             "services": settings.services,
-                            "page": replays.page_of(out, preset, arm, seed),
+                            "page": replay_page(out, preset, arm, seed),
                         },
                         finished=run_folder.finished(folder, key) is not None,
                     )
                 )
     units = len(tasks) * (settings.epochs * evaluate.WINDOW + settings.services)
-    beside = study_tables.task(out / "data", settings.windows, DEMO_SEED)
+    beside = tables.study_task(out / "data", settings.windows, DEMO_SEED)
     run_all([*tasks, beside], settings.workers, stage("training and test", units))
 
 
@@ -242,7 +230,7 @@ def train_and_test(
     table = evaluate.serve_policy(state, training, services, seed)
     test = evaluate.summary(table, seed)
     if page is not None:
-        replays.write(folder, page)
+        write_replay(folder, page)
     run_folder.finish(folder, key, {"test": test} | made)
     tell(services, {"physics_steps": int(table.fact("steps").sum())})
 
@@ -290,7 +278,6 @@ def _write_tables(
 
 
 def _reflection_settings(folder: Path) -> dict[str, Any]:
-    """Rate and history that a run was made with."""
     noted = files.read_record(folder / "settings.json", "settings")["settings"]
     return noted.get("reflection", {})  # a run from before there was any has no such lines either
 
@@ -328,6 +315,49 @@ def _write_manifest(
             "population": settings.population,
             "elapsed_s": round(sum(clock.values()), 1),
             "stages": clock,
-            "replays": replays.links(out),
+            "replays": replay_links(out),
         },
     )
+
+
+REPLAYED = {"paper": ("ppo", 0), "service": ("ppo+levelup", 0)}
+"""Preset -> arm and seed: what the printed reward leads to, and what Evenhand's guidance does."""
+
+
+def replay_page(out: Path, preset: str, arm: str, seed: int) -> Path | None:
+    """Where the page of a run stands; None for a run that has none."""
+    if REPLAYED.get(preset) != (arm, seed):
+        return None
+    return out / "replays" / f"{preset}-{arm}-seed-{seed}.html"
+
+
+def write_replay(folder: Path, page: Path) -> None:
+    """Write the page of a finished run, once.
+
+    Raises:
+        InputError: when the run was not recorded, or the page cannot be written.
+    """
+    if page.exists():
+        return
+    table = run_folder.read_services(folder)
+    seen = recordings.read(folder, replay.choose(table))
+    files.make_folder(page.parent)
+    replay.write(
+        seen,
+        table,
+        page,
+        title=f"After training: {page.stem}",
+        note=(
+            f"The run served {len(table):,} people. These are of the latest, chosen so that every "
+            "issue there is can be seen: they are no sample."
+        ),
+    )
+
+
+def replay_links(out: Path) -> list[dict[str, str]]:
+    """The pages that are there: address beside the report, preset, arm, seed."""
+    return [
+        {"page": f"replays/{page.name}", "preset": preset, "arm": arm, "seed": str(seed)}
+        for preset, (arm, seed) in REPLAYED.items()
+        if (page := replay_page(out, preset, arm, seed)) is not None and page.exists()
+    ]

@@ -1,24 +1,22 @@
 """Tables of the experiment: from demonstrations, study and runs to what the report draws."""
 
-from __future__ import annotations
-
-import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from evenhand.core import files
-from evenhand.experiments.paper import demonstrations
+from evenhand.core.processes import Task, Tell
+from evenhand.experiments.paper import corrected_detector, demonstrations
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
+from evenhand.report.table import Row, write
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
 from evenhand.statistics.detector_accuracy import CalibrationBin
+from evenhand.statistics.means import SCORE, SHARE, mean_interval
 from evenhand.study.simulated.respondents import NAMEABLE, SCENARIOS
 
 PAPER_SHARES = {(1, "race"): 0.357, (4, "disability"): 0.214}
@@ -39,38 +37,6 @@ REFLECTION_COLUMNS = (
     "issue", "favoured", "earlier", "rate",
 )  # fmt: skip
 _REFLECTED = ("projection", "cosine", "z", "alarm", "identity", "issue", "favoured")
-Row = dict[str, Any]
-
-
-def write(path: Path, rows: Iterable[Row], columns: Sequence[str] | None = None) -> None:
-    """Write rows as CSV, aside and renamed; None and NaN become empty cells."""
-    listed = list(rows)
-    names = list(columns or listed[0])
-    text = io.StringIO()
-    out = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
-    out.writeheader()
-    for row in listed:
-        out.writerow({name: _cell(row.get(name)) for name in names})
-    files.write_text(path, text.getvalue())
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, (bool, np.bool_)):
-        return "true" if value else "false"
-    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
-        return ""
-    return repr(float(value)) if isinstance(value, (float, np.floating)) else value
-
-
-def mean_interval(values: np.ndarray, most: float = np.inf) -> tuple[float, float, float]:
-    """Mean and 95 % interval (normal, for many windows) of what is known in ``values``.
-
-    Values lie between 0 and ``most``, and so does the interval: it is cut there.
-    """
-    seen = values[~np.isnan(values)]
-    middle = float(seen.mean())
-    half = 1.96 * float(seen.std(ddof=1)) / np.sqrt(len(seen))
-    return middle, max(middle - half, 0.0), min(middle + half, most)
 
 
 def questionnaire(study: Study) -> tuple[list[Row], list[Row]]:
@@ -138,15 +104,15 @@ def signatures(demos: Demos) -> list[Row]:
         identity = BIASES[kind].identity
         score = demonstrations.signature(demos, kind)
         for k, name in enumerate(ISSUES):
-            middle, low, high = mean_interval(score[:, k], most=1.0)
+            mean = mean_interval(score[:, k], within=SHARE, errors=1.96)
             rows.append(
                 {
                     "discrimination": people.DISCRIMINATION[identity],
                     "issue": name,
                     "paper": SIGNATURES[kind][k],
-                    "ours": middle,
-                    "ci_low": low,
-                    "ci_high": high,
+                    "ours": mean.mean,
+                    "ci_low": mean.low,
+                    "ci_high": mean.high,
                     "windows": len(score),
                     # quality and priority are said of responses, whose people are no even mix
                     "ceiling": ceiling(sizes[identity])
@@ -162,14 +128,14 @@ def behaviour(demos: Demos) -> list[Row]:
     rows: list[Row] = []
     for kind in KINDS[1:]:
         for measure, values in demonstrations.behaviour(demos, kind).items():
-            middle, low, high = mean_interval(values)
+            mean = mean_interval(values, within=SCORE, errors=1.96)
             rows.append(
                 {
                     "robot": kind,
                     "measure": measure,
-                    "value": middle,
-                    "ci_low": low,
-                    "ci_high": high,
+                    "value": mean.mean,
+                    "ci_low": mean.low,
+                    "ci_high": mean.high,
                     "paper": PAPER_BEHAVIOUR.get((kind, measure)),
                     "unit": BEHAVIOUR_UNITS[measure],
                     "services": len(values) * demonstrations.WINDOW,
@@ -240,13 +206,7 @@ def judges(records: Sequence[Record]) -> list[Row]:
 def reflection(
     head: Row, lines: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]
 ) -> list[Row]:
-    """What self-reflection found at every update of a run; nothing for a run without it.
-
-    Args:
-        head: preset, arm and seed.
-        lines: of the run's ``epochs.jsonl``.
-        settings: of its self-reflection, ``rate`` and ``history``.
-    """
+    """What self-reflection found at every update of a run; nothing for a run without it."""
     return [
         head
         | {"epoch": line["epoch"]}
@@ -282,3 +242,36 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
         }
         for w, place in zip(rows, placed, strict=True)
     ]
+
+
+def study_task(data: Path, windows: int, seed: int) -> Task:
+    """The task that writes the tables of the study into ``data``.
+
+    They need the demonstrations there and nothing of training, so they are made beside it.
+    """
+    return Task(
+        "tables of the study", write_study, {"data": data, "windows": windows, "seed": seed}
+    )
+
+
+def write_study(*, tell: Tell, data: Path, windows: int, seed: int) -> None:
+    """Write every table of the study."""
+    shown = demonstrations.load(windows, seed, data / "demonstrations")
+    study = demonstrations.study(shown, seed)
+    named, worst = questionnaire(study)
+    performance, calibration, confusion = detector(study)
+    for name, rows in (
+        ("questionnaire", named),
+        ("questionnaire_issue", worst),
+        ("judgements", judgements(shown, study)),
+        ("signatures", signatures(shown)),
+        ("behaviour", behaviour(shown)),
+        ("detector", performance),
+        ("calibration", calibration),
+        ("confusion", confusion),
+        ("tsne", tsne(shown, study, seed)),
+    ):
+        write(data / f"{name}.csv", rows)
+    compared = corrected_detector.side_by_side(shown, study, seed)
+    write(data / "judges.csv", judges(compared), JUDGES_COLUMNS)
+    tell(0, {})

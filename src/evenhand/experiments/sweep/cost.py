@@ -4,8 +4,6 @@ Seconds are of processor time, which is what a run takes on a core of its own, w
 machine does while it is measured.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -85,11 +83,7 @@ def kind_of(job: Job) -> Kind:
 
 
 def estimate(plan: Sweep) -> list[Cost]:
-    """Measure a short run of each kind, the most frequent ones first, and calculate the rest.
-
-    Args:
-        plan: the sweep; nothing of it is run or written.
-    """
+    """Measure a short run of each kind, the most frequent ones first, and calculate the rest."""
     counts = Counter(kind_of(job) for job in plan.jobs)
     first = {kind_of(job): job for job in reversed(plan.jobs)}
     samples = {kind: measure(first[kind]) for kind, _ in counts.most_common(MOST)}
@@ -118,7 +112,6 @@ def measure(job: Job) -> Sample:
 
 
 def _bytes(path: Path) -> float:
-    """Of a file, or of all in a folder."""
     found = path.rglob("*") if path.is_dir() else [path]
     return float(sum(one.stat().st_size for one in found if one.is_file()))
 

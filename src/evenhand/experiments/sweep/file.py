@@ -1,7 +1,5 @@
 """A sweep read from its TOML file, with every mistake and its line."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -12,9 +10,7 @@ from typing import Any
 
 from evenhand.core import plugins
 from evenhand.core.errors import InputError, nearest, unknown, whole
-from evenhand.core.toml.lines import Place
-from evenhand.core.toml.reading import Mistake, content_of, located, text_of
-from evenhand.core.toml.table import Table
+from evenhand.core.toml_file import Mistake, Place, Table, content_of, located, text_of
 from evenhand.experiments.comparison import compare
 from evenhand.experiments.comparison.settings import (
     ALGORITHMS,
@@ -51,11 +47,7 @@ _COUNTS = (1, 1000)
 
 
 def examine(path: str | os.PathLike[str]) -> tuple[Sweep | None, list[Mistake]]:
-    """Read a sweep and collect all its mistakes; there is no sweep when there is any.
-
-    Raises:
-        InputError: when the file cannot be read at all.
-    """
+    """Read a sweep and collect all its mistakes; there is no sweep when there is any."""
     text = text_of(path)
     content = content_of(text)
     if isinstance(content, Mistake):
@@ -92,7 +84,6 @@ class _Block:
 
 
 def _jobs(top: Table) -> list[Job]:
-    """Every run of the file; to be thrown away when anything is wrong with it."""
     common = _block(top)
     tables = top.tables("runs")
     top.done()
@@ -133,7 +124,6 @@ def _twice(job: Job, earlier: Job, where: str) -> str:
 
 
 def _grid(values: dict[str, tuple[Any, ...]], learner: dict[str, tuple[Any, ...]]) -> Iterator[Job]:
-    """Every combination."""
     sizes = product(*(values.get(n, (getattr(Variant, n),)) for n in _GRID[-3:]))
     settings = [tuple(zip(learner, chosen, strict=True)) for chosen in product(*learner.values())]
     for (epochs, served, services), chosen in product(sizes, settings):
@@ -177,7 +167,6 @@ def _block(table: Table) -> _Block:
 
 
 def _several(table: Table, key: str, given: Any, check: Callable[[Any], Any]) -> tuple[Any, ...]:
-    """A value or a list of them, each once."""
     found: list[Any] = []
     items = given if isinstance(given, list) else [given]
     if not items:
@@ -195,7 +184,6 @@ def _several(table: Table, key: str, given: Any, check: Callable[[Any], Any]) ->
 
 
 def _counted(table: Table, given: Any) -> list[int]:
-    """Seeds 0, 1, 2 ... by their number."""
     try:
         return list(range(_whole("seeds", given, _COUNTS)))
     except InputError as error:
@@ -246,11 +234,6 @@ def _default(key: str) -> Value | None:
 
 
 def _setting(key: str, value: Any) -> Value:
-    """A setting of the learner, checked by the room that it belongs to.
-
-    Raises:
-        InputError: for a value of another kind, or one that cannot be.
-    """
     if key == "population":
         people.population(_text(key, value))
         return value

@@ -1,7 +1,5 @@
 """How the files of a run come from the machine where it runs to the folder of the sweep."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -44,9 +42,6 @@ class Keeper:
     def begin(self, path: str) -> tuple[int, Files]:
         """Begin an attempt.
 
-        Args:
-            path: of the run inside the folder of the sweep.
-
         Returns:
             Its number, and what earlier attempts left.
         """
@@ -57,12 +52,6 @@ class Keeper:
 
     def keep(self, path: str, number: int, new: Files, names: list[str]) -> None:
         """Take what is new of a run.
-
-        Args:
-            path: of the run inside the folder of the sweep.
-            number: of the attempt.
-            new: content of files, in the order in which they are to be written.
-            names: of all files that the run has now; others are removed.
 
         Raises:
             InputError: when another attempt has begun, or a file cannot be written.

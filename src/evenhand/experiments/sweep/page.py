@@ -4,8 +4,6 @@ Takes: a folder with ``runs.csv``, ``summary.csv`` and ``manifest.json``. Gives:
 the same folder, which leads to the report of each variant. Nothing here simulates or learns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from evenhand.experiments.comparison.read import SCHEMAS, arm_label
 from evenhand.experiments.comparison.words import MEASURES, Number, number
 from evenhand.report import page
 from evenhand.report.read_tables import read_table
-from evenhand.report.table import Estimate
+from evenhand.statistics.means import Estimate
 
 _RUNS = {
     **dict.fromkeys(("variant", "scenario", "algorithm", "arm"), "text"),
@@ -37,9 +35,6 @@ _METRICS = (*MEASURES, ("Biased epochs", "biased_epochs", False))
 
 def build(folder: Path | str) -> Path:
     """Write the report of a sweep.
-
-    Args:
-        folder: of the sweep.
 
     Returns:
         The path of ``report.html``.
@@ -63,13 +58,7 @@ def render(
     runs: Sequence[Mapping[str, Any]],
     summary: Sequence[Mapping[str, Any]],
 ) -> str:
-    """The whole page.
-
-    Args:
-        manifest: what the sweep noted of itself.
-        runs: rows of ``runs.csv``.
-        summary: rows of ``summary.csv``.
-    """
+    """The whole page."""
     commit = manifest["commit"]
     return page.fill(
         "sweep.html.j2",
@@ -100,7 +89,6 @@ def _facts(manifest: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> li
 
 
 def _failed(row: Mapping[str, Any]) -> tuple[str, str, int, str]:
-    """(variant, run, attempts, reason)."""
     words = (row["scenario"], row["algorithm"], row["arm"], f"seed {row['seed']}")
     return row["variant"], ", ".join(words), row["attempts"], row["reason"]
 
@@ -108,7 +96,6 @@ def _failed(row: Mapping[str, Any]) -> tuple[str, str, int, str]:
 def _variants(
     manifest: Mapping[str, Any], summary: Sequence[Mapping[str, Any]]
 ) -> list[tuple[str, list[tuple[str, str]], list[tuple[str, str, int, list[Number]]]]]:
-    """(name, settings, lines of (scenario, arm, seeds, numbers)) of each variant."""
     cells: dict[tuple[str, ...], Mapping[str, Any]] = {}
     heads: dict[str, dict[tuple[str, str, str], None]] = {}
     for row in summary:

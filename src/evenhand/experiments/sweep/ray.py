@@ -48,9 +48,6 @@ _LOST = "its worker or its machine was lost"
 def connected(address: str) -> Iterator[RayCluster]:
     """A cluster, for as long as this lasts.
 
-    Args:
-        address: ``HOST:PORT`` of its head; this machine has to be one of the cluster.
-
     Raises:
         InputError: when Ray is not installed, nothing answers there, or a machine of the cluster
             has other versions than this one.
@@ -120,11 +117,7 @@ def _check_answer(address: str) -> None:
 
 
 def _check_machines(versions: dict[str, str]) -> None:
-    """Every machine has to calculate as this one does.
-
-    Raises:
-        InputError: when one lacks Evenhand, or has other versions.
-    """
+    """Every machine has to calculate as this one does."""
     import ray
     from ray.exceptions import RayError
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
@@ -156,12 +149,7 @@ def _check_machines(versions: dict[str, str]) -> None:
 
 @dataclass(frozen=True)
 class RayCluster:
-    """A cluster that this process is connected to.
-
-    Attributes:
-        cores: of all its machines.
-        versions: of what decides results.
-    """
+    """A cluster that this process is connected to."""
 
     cores: int
     versions: dict[str, str]
@@ -169,14 +157,7 @@ class RayCluster:
     def run_each(
         self, jobs: Sequence[Job], out: Path, workers: int, tell: Callable[[Event], None]
     ) -> list[Outcome]:
-        """Run every job whatever becomes of the others.
-
-        Args:
-            jobs: what to do.
-            out: folder of the sweep, on this machine.
-            workers: runs at the same time.
-            tell: told of all that happens, in this process.
-        """
+        """Run every job whatever becomes of the others."""
         if not jobs:
             return []
         import ray

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +12,11 @@ from evenhand.experiments import provenance
 from evenhand.experiments.comparison import page as comparison_page
 from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import place
-from evenhand.experiments.paper.tables import Row, write
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.experiments.sweep import page
 from evenhand.experiments.sweep.runs import row_of
 from evenhand.experiments.sweep.settings import Variant
-from evenhand.training import run_folder
+from evenhand.report.table import Row, write
 
 if TYPE_CHECKING:
     from evenhand.experiments.sweep.settings import Line
@@ -31,15 +29,7 @@ Variants = dict[Variant, list["Line"]]
 
 
 def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seconds: float) -> None:
-    """Write what the runs of a sweep say.
-
-    Args:
-        out: folder of the sweep.
-        lines: what became of every run.
-        command: noted in the manifests.
-        workers: runs at the same time, and now pages.
-        seconds: since the sweep began.
-    """
+    """Write what the runs of a sweep say."""
     write(out / "runs.csv", [_run(line) for line in lines], RUNS)
     failed = [line for line in lines if line.failure is not None]
     _write_failures(out / "failures.txt", failed)
@@ -48,7 +38,8 @@ def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seco
         if line.test is not None:
             by_variant.setdefault(line.job.variant, []).append(line)
     gathered: dict[str, list[Row]] = {name: [] for name in ("results", "summary", "fronts")}
-    noted = _circumstances(command)
+    made_with = provenance.now()
+    noted = provenance.heading(made_with, command) | {"versions": made_with["versions"]}
     for variant, own in by_variant.items():
         folder = files.make_folder(out / "variants" / variant.name)
         results = {line.job.cell: line.test for line in own if line.test is not None}
@@ -103,17 +94,6 @@ def _write_failures(path: Path, failed: Sequence[Line]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _circumstances(command: str) -> dict[str, Any]:
-    versions = run_folder.versions()
-    return {
-        "version": versions["evenhand"],
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": command,
-        "commit": provenance.commit(),
-        "versions": versions,
-    }
-
-
 def _settings(variant: Variant) -> dict[str, Any]:
     learner = {n: list(v) if isinstance(v, tuple) else v for n, v in variant.learner}
     sizes = {"epochs": variant.epochs, "people": variant.people, "services": variant.services}
@@ -121,7 +101,6 @@ def _settings(variant: Variant) -> dict[str, Any]:
 
 
 def _variant(variant: Variant, lines: Sequence[Line]) -> dict[str, Any]:
-    """What the manifest of a comparison says of its runs."""
     cells = sorted((line.job.cell for line in lines), key=place)
     seeds = sorted({cell.seed for cell in cells})
     return {

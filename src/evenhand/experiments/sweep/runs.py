@@ -1,7 +1,5 @@
 """One run of a sweep in its folder: the same function on this machine and on a cluster."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -65,9 +63,6 @@ def perform(*, tell: Tell, job: Job, folder: Path) -> None:
         tell: told of services and physics steps.
         job: what to do.
         folder: of the run.
-
-    Raises:
-        InputError: as ``run.execute`` does.
     """
     if finished(job, folder) is not None:
         tell(job.units, {"physics_steps": 0})

@@ -1,7 +1,5 @@
 """What a sweep is made of: variants of the settings, and runs; imports nothing heavy."""
 
-from __future__ import annotations
-
 import re
 import zlib
 from collections.abc import Iterator
@@ -101,12 +99,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Runs in the order in which they begin.
-
-    Attributes:
-        jobs: a seed of everything before the next, so that what is there is balanced.
-        text: of the file that they were read from.
-    """
+    """Runs in the order in which they begin."""
 
     jobs: tuple[Job, ...]
     text: str

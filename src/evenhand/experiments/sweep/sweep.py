@@ -6,8 +6,6 @@ first column), ``failures.txt`` if any run failed, ``manifest.json``, ``report.h
 variant of the settings ``variants/NAME/``: a comparison with a report of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter

@@ -1,7 +1,5 @@
 """One attempt of a run on a machine of a Ray cluster: what a trial of Ray Tune does."""
 
-from __future__ import annotations
-
 import tempfile
 import traceback
 from collections.abc import Callable, Sequence

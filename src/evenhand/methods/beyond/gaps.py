@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods.paper.epoch import Epoch
-from evenhand.methods.paper.issues import Counts, count, signed_gaps
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper.scores import Counts, count, signed_gaps
 from evenhand.methods.pooling import Pool
 from evenhand.methods.registry import VERDICT
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.methods.beyond.gaps import GapMethod, beyond_noise, checked_counts, checked_tau
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.guidance import Guidance
-from evenhand.methods.paper.epoch import Epoch
-from evenhand.methods.paper.issues import Counts, signed_gaps
+from evenhand.methods.paper.scores import Counts, signed_gaps
 from evenhand.methods.pooling import Pool, pooled, remember
 from evenhand.methods.registry import method
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.methods.beyond.influence import CreditSettings, influence
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.guidance import Guidance
-from evenhand.methods.paper.epoch import Epoch
 from evenhand.methods.pooling import Pool, pooled, remember
 from evenhand.methods.registry import DIRECTION, method
 

@@ -19,13 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.vocabulary import (
-    IDENTITIES,
-    ISSUES,
-    SOURCES,
-    checked_judgements,
-    checked_scores,
-)
+from evenhand.methods.judgements import checked_judgements, checked_scores
+from evenhand.methods.vocabulary import IDENTITIES, ISSUES, SOURCES
 
 COMPONENTS = 3
 """Components that the PCA keeps, as in the paper (fewer when there are fewer issues)."""

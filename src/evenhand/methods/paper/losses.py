@@ -115,21 +115,6 @@ def gae(
     return jnp.where(valid, advantage, 0.0)
 
 
-@jax.jit
-def returns(advantage: ArrayLike, value: ArrayLike, mask: ArrayLike) -> jax.Array:
-    """The critic's target that belongs to an advantage (before normalising): Â + V.
-
-    Args:
-        advantage: [N, L].
-        value: V of the state at each decision, [N, L].
-        mask: [N, L].
-
-    Returns:
-        [N, L], 0 where masked.
-    """
-    return jnp.where(jnp.asarray(mask) > 0, jnp.add(advantage, value), 0.0)
-
-
 def normalise(advantage: ArrayLike, mask: ArrayLike) -> jax.Array:
     """Advantages with mean 0 and standard deviation 1 over valid decisions; 0 where masked.
 

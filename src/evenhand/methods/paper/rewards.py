@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
 
 import numpy as np
 
-from evenhand.core import palette
-from evenhand.core.errors import InputError, unknown
-from evenhand.methods.guidance import Guidance
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
-from evenhand.methods.registry import VERDICT, method
+from evenhand.core.errors import InputError
+from evenhand.methods.paper.scores import Scores, own_groups_score
 
 CREDITS = ("own_groups", "epoch")
 TAU: Mapping[str, tuple[float, float, float, float]] = {
@@ -72,7 +66,7 @@ def evenness_reward(score: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.
 
 
 def person_rewards(
-    scores: issues.Scores, inside: np.ndarray, tau: Sequence[float] | np.ndarray, credit: str
+    scores: Scores, inside: np.ndarray, tau: Sequence[float] | np.ndarray, credit: str
 ) -> np.ndarray:
     """R_t of Eq. 4 for every person, [n].
 
@@ -83,69 +77,7 @@ def person_rewards(
         credit: own_groups: I over the groups that a person belongs to; epoch: over all of them.
     """
     if credit == "own_groups":
-        score = issues.own_groups_score(scores.gap, inside)
+        score = own_groups_score(scores.gap, inside)
     else:
         score = np.broadcast_to(scores.overall, (len(inside), len(scores.overall)))
     return evenness_reward(score, tau)
-
-
-@method("score", label="score (Eq. 4)", colour=palette.VERMILLION, marker="o")
-@dataclass(frozen=True)
-class Score:
-    """Eq. 4: the more even an epoch, the more its services earn."""
-
-    strength: float = 2.0
-    """Greatest reward beside a perfect service's 1; no matter where evenness is all that pays."""
-
-    credit: Literal["own_groups", "epoch"] = "own_groups"
-    """Whose disparity the reward for a person counts.
-    own_groups: of the groups this person belongs to.
-    epoch: of all groups, the same for everybody."""
-
-    def __post_init__(self) -> None:
-        if self.credit not in CREDITS:
-            raise unknown("credit", self.credit, CREDITS)
-        if not 0.0 <= self.strength < np.inf:
-            raise InputError(f"strength is {self.strength}: give a finite number from 0 up")
-
-    def begin(self, scheme: Any) -> None:
-        """Nothing to remember."""
-
-    def teach(self, epoch: Epoch, memory: None) -> tuple[Guidance, None]:
-        """A service earns by the epoch that it belongs to."""
-        return Guidance(evenness=self.pay(epoch, epoch, memory)), memory
-
-    def pay(self, services: Epoch, window: Epoch, memory: None) -> np.ndarray:
-        """What services earn by the scores of a window that is over, [m]."""
-        paid = self._rewards(services, window)
-        return self.strength * paid / services.tau.sum()
-
-    def alone(self, epoch: Epoch) -> np.ndarray:
-        """The printed reward and nothing else, [n]."""
-        return self._rewards(epoch, epoch)
-
-    def _rewards(self, services: Epoch, window: Epoch) -> np.ndarray:
-        return person_rewards(window.scores, services.inside, services.tau, self.credit)
-
-
-@method("penalty", label="penalty (Eq. 5)", colour=palette.ORANGE, marker="s")
-@dataclass(frozen=True)
-class Penalty(Score):
-    """Eq. 4 and 5: as score, and all rewards of an epoch that looks biased are lowered."""
-
-    strength: float = 1.0
-    """Greatest reward beside a perfect service's 1; no matter where evenness is all that pays."""
-
-    lam: float = 0.5
-    """Lambda of Eq. 5, by which rewards of a biased epoch are multiplied, 0 to 1."""
-
-    needs = (VERDICT,)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 0.0 <= self.lam <= 1.0:
-            raise InputError(f"lam is {self.lam}: lambda multiplies rewards, give 0 to 1")
-
-    def _rewards(self, services: Epoch, window: Epoch) -> np.ndarray:
-        reward = super()._rewards(services, window)
-        return self.lam * reward if window.biased else reward

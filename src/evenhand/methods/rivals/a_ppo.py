@@ -9,8 +9,8 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import Past, running_scores, within
 
@@ -83,5 +83,5 @@ class APPO:
         score = running_scores(epoch.x, epoch.inside, memory.pooled)
         beta = (1.0, self.strength, self.strength)
         advantage = a_ppo_advantage(epoch.advantage, epoch.mask, score, self.omega, beta)
-        now = issues.count(epoch.x, epoch.inside)
+        now = count(epoch.x, epoch.inside)
         return advantage, memory.after(now, len(epoch.x))

@@ -9,8 +9,8 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import Past, per_service, within
 
@@ -132,7 +132,7 @@ class Elbert:
 
         One that never had any is left out.
         """
-        now = issues.count(epoch.x, epoch.inside)
+        now = count(epoch.x, epoch.inside)
         pooled = memory.pooled + now
         n = len(epoch.x)
         demanded = pooled.inside_n > 0

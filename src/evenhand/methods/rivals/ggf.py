@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evenhand.core import palette
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import group_means, service_weights, weighted, within
 

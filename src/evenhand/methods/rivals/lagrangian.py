@@ -10,7 +10,7 @@ import numpy as np
 from evenhand.core import palette
 from evenhand.core.errors import whole
 from evenhand.methods.beyond.influence import CreditSettings, influence
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
 from evenhand.methods.pooling import Pool, pooled, remember
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import per_service, within

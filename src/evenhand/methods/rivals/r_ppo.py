@@ -9,8 +9,8 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.paper import issues
-from evenhand.methods.paper.epoch import Epoch
+from evenhand.methods.epoch import Epoch
+from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import Past, per_service, running_scores, within
 
@@ -57,6 +57,6 @@ class RPPO:
         """The penalty of a service lowers the advantages of all its decisions."""
         score = running_scores(epoch.x, epoch.inside, memory.pooled)
         penalty = r_ppo_penalty(score, self.omega, self.zeta)
-        now = issues.count(epoch.x, epoch.inside)
+        now = count(epoch.x, epoch.inside)
         advantage = per_service(epoch.advantage, epoch.mask, penalty)
         return advantage, memory.after(now, len(epoch.x))

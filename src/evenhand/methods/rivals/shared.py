@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.scores import Counts, gaps, issue_score, total
 
 MOST = 1e6
 """Greatest value of a setting."""
@@ -49,11 +49,11 @@ class Past:
     services: np.ndarray
 
     @property
-    def pooled(self) -> issues.Counts:
+    def pooled(self) -> Counts:
         """Counts of all of them."""
-        return issues.Counts(*self.counts.sum(axis=0))
+        return Counts(*self.counts.sum(axis=0))
 
-    def after(self, now: issues.Counts, services: int) -> Past:
+    def after(self, now: Counts, services: int) -> Past:
         """With the epoch that just ended in place of the oldest."""
         last = np.stack([now.inside_n, now.inside_x, now.outside_n, now.outside_x])
         return Past(
@@ -83,7 +83,7 @@ def weighted(advantage: np.ndarray, mask: np.ndarray, weight: np.ndarray) -> np.
     return np.where(mask > 0, weight[:, None] * advantage, 0.0)
 
 
-def running_scores(x: np.ndarray, inside: np.ndarray, earlier: issues.Counts) -> np.ndarray:
+def running_scores(x: np.ndarray, inside: np.ndarray, earlier: Counts) -> np.ndarray:
     """Δ after every person: the total issue score (Eq. 2) of all services so far.
 
     Counts of the first t services are cumulative sums, so all scores come at once.
@@ -104,13 +104,13 @@ def running_scores(x: np.ndarray, inside: np.ndarray, earlier: issues.Counts) ->
     def so_far(before: np.ndarray, each: np.ndarray) -> np.ndarray:
         return np.cumsum(np.concatenate([before[None], each]), axis=0)
 
-    counts = issues.Counts(
+    counts = Counts(
         so_far(earlier.inside_n, is_in * applies),
         so_far(earlier.inside_x, is_in * happened),
         so_far(earlier.outside_n, is_out * applies),
         so_far(earlier.outside_x, is_out * happened),
     )
-    return np.nan_to_num(issues.total(issues.issue_score(issues.gaps(counts))))
+    return np.nan_to_num(total(issue_score(gaps(counts))))
 
 
 def group_means(reward: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

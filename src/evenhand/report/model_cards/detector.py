@@ -1,7 +1,5 @@
 """The model card of a detector: what its file says, and how good it is where that was measured."""
 
-from __future__ import annotations
-
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES, SIMULATED
 from evenhand.report.model_cards import markdown, sections
@@ -157,7 +155,7 @@ def _inside(detector: Detector) -> str:
         "## What is inside\n\nPlain numbers, no pickle.\n\n"
         f"{markdown.table(['issue', 'mean', 'standard deviation'], rows)}\n\n"
         f"Logistic weights of the components: {weights}; intercept {number(detector.bias)}. A "
-        f"probability above {number(detector.threshold, 2)} is called biased."
+        f"probability above {number(detector.threshold, places=2)} is called biased."
     )
 
 

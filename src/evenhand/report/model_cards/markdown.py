@@ -1,18 +1,18 @@
 """Pieces of a model card: front matter as YAML, tables and words as Markdown, all of it escaped."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
+from evenhand.core import wording
 from evenhand.statistics.detector_accuracy import Share
 
 NOT_MEASURED = "not measured"
-MINUS = "\N{MINUS SIGN}"
+number = partial(wording.number, places=3, missing=NOT_MEASURED)
 _MARKS = re.compile(
     r"[&<>\\`*_\[\]()#!|~$@^{}\"']|:(?=//)|(?<=mailto):|(?<=xmpp):|(?<=www)\.", re.IGNORECASE
 )
@@ -53,21 +53,14 @@ def code(text: str, language: str) -> str:
     return f"{fence}{language}\n{text}\n{fence}"
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """A number, or that it was not measured."""
-    if value is None or not math.isfinite(value):
-        return NOT_MEASURED
-    return f"{value:.{digits}f}".replace("-", MINUS)
-
-
 def between(value: float | None, low: float | None, high: float | None, digits: int = 3) -> str:
     """A number with its interval, as far as they are known."""
     if value is None or not math.isfinite(value):
         return NOT_MEASURED
-    mean = number(value, digits)
+    mean = number(value, places=digits)
     if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
         return f"{mean} (interval {NOT_MEASURED})"
-    return f"{mean} ({number(low, digits)} to {number(high, digits)})"
+    return f"{mean} ({number(low, places=digits)} to {number(high, places=digits)})"
 
 
 def percent(share: Share) -> str:
@@ -80,16 +73,11 @@ def percent(share: Share) -> str:
 
 
 def front_matter(content: Mapping[str, Any]) -> str:
-    """YAML between two lines of dashes; what is None is left out.
-
-    Args:
-        content: nested mappings and sequences of text, numbers, yes and no.
-    """
+    """YAML between two lines of dashes; what is None is left out."""
     return "\n".join(["---", *_block(content, ""), "---"]) + "\n"
 
 
 def _block(value: Any, indent: str) -> Iterator[str]:
-    """Lines of a mapping or a sequence."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             if item is None:

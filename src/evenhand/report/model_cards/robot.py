@@ -1,18 +1,18 @@
 """The model card of a trained robot: what its run folder says, and how it served new people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from evenhand.core.wording import MINUS
 from evenhand.methods import registry
 from evenhand.methods.vocabulary import LEAST
 from evenhand.report.model_cards import markdown, sections
 from evenhand.report.model_cards.markdown import NOT_MEASURED, between, number, percent, words
 from evenhand.report.model_cards.sections import Said
 from evenhand.statistics.detector_accuracy import Share
+from evenhand.statistics.means import Estimate
 from evenhand.statistics.verdicts import DISPARITY, INSUFFICIENT, Verdicts
 
 ISSUE_WORDS = {
@@ -21,23 +21,6 @@ ISSUE_WORDS = {
     "priority": "late",
     "risk": "too close",
 }
-
-
-@dataclass(frozen=True)
-class Mean:
-    """A mean over windows with its 95 % interval; None where nothing is known.
-
-    Attributes:
-        value: the mean.
-        low: lower limit.
-        high: upper limit.
-        n: of how many windows.
-    """
-
-    value: float | None
-    low: float | None
-    high: float | None
-    n: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +44,7 @@ class Trial:
     services: int
     seed: int
     population: str
-    scores: Mapping[str, Mean]
+    scores: Mapping[str, Estimate]
     floor: float | None
     perfect: Share
     responded: Share
@@ -132,20 +115,24 @@ def render(said: Said, robot: Robot, trial: Trial | None) -> str:
 
 def _result(trial: Trial) -> dict[str, object]:
     metrics = [
-        ("total_issue_score", "Total issue score (mean of windows of 30)", trial.scores["total"]),
+        (
+            "total_issue_score",
+            "Total issue score (mean of windows of 30)",
+            trial.scores["total"].mean,
+        ),
         *(
-            (f"{name}_issue_score", f"Issue score: {name}", trial.scores[name])
+            (f"{name}_issue_score", f"Issue score: {name}", trial.scores[name].mean)
             for name in trial.issues
         ),
-        ("perfect_rate", "Services without any issue", trial.perfect),
-        ("response_rate", "Services with a response", trial.responded),
+        ("perfect_rate", "Services without any issue", trial.perfect.value),
+        ("response_rate", "Services with a response", trial.responded.value),
     ]
     if trial.worst is not None:
         metrics.append(
             (
                 "worst_group_rate",
                 f"Services without any issue, worst served group of {LEAST} or more",
-                trial.perfect_of[trial.worst],
+                trial.perfect_of[trial.worst].value,
             )
         )
     return {
@@ -155,9 +142,9 @@ def _result(trial: Trial) -> dict[str, object]:
             "name": f"Simulated restaurant, {trial.services} synthetic people, seed {trial.seed}",
         },
         "metrics": [
-            {"type": kind, "name": name, "value": round(found.value, 6), "verified": False}
-            for kind, name, found in metrics
-            if found.value is not None and math.isfinite(found.value)
+            {"type": kind, "name": name, "value": round(value, 6), "verified": False}
+            for kind, name, value in metrics
+            if math.isfinite(value)
         ],
     }
 
@@ -213,7 +200,7 @@ def _evaluation(trial: Trial | None) -> str:
     if trial is None:
         return f"## Evaluation\n\nOn people whom training never saw: {NOT_MEASURED}."
     rows = [
-        [name, between(mean.value, mean.low, mean.high), f"{mean.n} windows"]
+        [name, between(mean.mean, mean.low, mean.high), f"{mean.n} windows"]
         for name, mean in trial.scores.items()
     ]
     rows.append(["total that chance alone gives", number(trial.floor), "identities shuffled"])
@@ -263,7 +250,7 @@ def _gap(verdicts: Verdicts, group: int, issue: int) -> str:
         return NOT_MEASURED
     verdict = verdicts.verdict[group, issue]
     mark = {DISPARITY: f" **{DISPARITY}**", INSUFFICIENT: f" {INSUFFICIENT}"}.get(verdict, "")
-    return f"{gap:+.1f} ({low:+.1f} to {high:+.1f}){mark}".replace("-", markdown.MINUS)
+    return f"{gap:+.1f} ({low:+.1f} to {high:+.1f}){mark}".replace("-", MINUS)
 
 
 def _blind(settings: Mapping[str, Any]) -> bool:

@@ -1,7 +1,5 @@
 """What the cards of robots and of detectors have in common."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

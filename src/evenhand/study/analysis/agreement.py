@@ -18,8 +18,6 @@ Research Methodology 16:93, 2016): it says what other units of the kind would gi
 it is wide, and rather too narrow than too wide.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

@@ -5,8 +5,6 @@ but the flagged where that was asked for; ratings and agreement stand beside wha
 gives.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,8 +23,8 @@ from evenhand.study.analysis import (
     judgements,
     quality,
 )
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import Judged
 from evenhand.study.analysis.quality import FLAGS, Limits, Quality
 from evenhand.study.design.protocol import Protocol

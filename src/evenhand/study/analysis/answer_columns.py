@@ -1,13 +1,14 @@
 """The columns of answers: names, types, and what their values can be."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute
 
 from evenhand.core.errors import InputError, nearest, unknown
-from evenhand.study.analysis.arrow import pc
+
+pc: Any = pyarrow.compute
+
 
 KINDS = ("about", "set", "check", "pair", "end")
 """Kinds of pages that ask something."""
@@ -52,11 +53,7 @@ _CHOICES = {"kind": KINDS, "status": STATUSES}
 
 
 def check_names(names: list[str]) -> None:
-    """Check that all columns are there, once, and no others.
-
-    Raises:
-        InputError: names the column.
-    """
+    """Check that all columns are there, once, and no others."""
     for name in COLUMNS:
         if names.count(name) > 1:
             raise InputError(f"column {name!r} is there twice")

@@ -23,6 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from evenhand.core import files
+from evenhand.core.csv_file import FORMULA
 from evenhand.core.errors import InputError, unknown
 from evenhand.study.analysis.answer_columns import (
     COLUMNS,
@@ -32,14 +33,12 @@ from evenhand.study.analysis.answer_columns import (
     checked,
     fits,
     misfit,
+    pc,
 )
-from evenhand.study.analysis.arrow import pc
 
 FORMAT, VERSION = "evenhand-answers", 1
 ENDINGS = (".csv", ".json", ".parquet")
 
-_WIDE = "\uff1d\uff0b\uff0d\uff20"  # =, +, - and @ in full width
-_FORMULA = rf"^(\s*[=+\-@{_WIDE}]|[\t\r\n'])"
 _LARGEST_BLOCK = 1 << 26
 _YES, _NO = ("true", "1"), ("false", "0")
 
@@ -82,10 +81,6 @@ class Answers:
                 row = next(i for i, value in enumerate(values) if not fits(value, field.type))
                 raise InputError(misfit(row, field, values[row])) from None
         return cls(pa.Table.from_arrays(arrays, schema=LOOSE))
-
-    def of_role(self, role: str) -> Answers:
-        """The answers to questions of one role, for instance "fair"."""
-        return self.where(pc.equal(self.table["role"], role))
 
     def where(self, mask: Any) -> Answers:
         """The answers that a mask keeps; rows where it is null are left out."""
@@ -149,11 +144,7 @@ def write(answers: Answers, path: str | Path) -> None:
 
 
 def check_ending(path: Path) -> None:
-    """Check that a path ends as a file of answers does.
-
-    Raises:
-        InputError: when it does not.
-    """
+    """Check that a path ends as a file of answers does."""
     if path.suffix not in ENDINGS:
         raise InputError(
             f"{path} is no file of answers: it has to end in {', '.join(ENDINGS[:-1])} or "
@@ -176,7 +167,7 @@ def neutralised(table: pa.Table) -> pa.Table:
     for place, field in enumerate(table.schema):
         if pa.types.is_string(field.type):
             cells = table[field.name]
-            risky = pc.match_substring_regex(cells, _FORMULA)
+            risky = pc.match_substring_regex(cells, FORMULA)
             marked = pc.binary_join_element_wise("'", cells, "")
             table = table.set_column(place, field, pc.if_else(risky, marked, cells))
     return table
@@ -211,7 +202,6 @@ def _read_csv(path: Path) -> pa.Table:
 
 
 def _parsed(cells: Any, field: pa.Field) -> Any:
-    """Text as the values of a column."""
     if pa.types.is_string(field.type):
         return cells
     if pa.types.is_boolean(field.type):

@@ -1,7 +1,5 @@
 """Are answers such as their study's questions can have? Else counts and ratings would be wrong."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,9 +9,8 @@ import numpy as np
 import pyarrow as pa
 
 from evenhand.core.errors import InputError, nearest
-from evenhand.study.analysis.answer_columns import ABOUT_ITEMS, BETWEEN
+from evenhand.study.analysis.answer_columns import ABOUT_ITEMS, BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol, Question
 
 MOST_POINTS = 11

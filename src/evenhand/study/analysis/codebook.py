@@ -1,14 +1,11 @@
 """The codebook of answers: every column and every question, with counts and what is missing."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from evenhand.study.analysis.answer_columns import BETWEEN, SCHEMA, STATUSES
+from evenhand.study.analysis.answer_columns import BETWEEN, SCHEMA, STATUSES, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import PREFER_NOT, Protocol, Question
 
 MEANINGS = {

@@ -5,17 +5,16 @@ controls of the same participant. Were a scenario no different, it would not mat
 participant's ratings were given to it: the permutation test exchanges them within each participant.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evenhand.methods.paper.issues import Counts
-from evenhand.report import table
-from evenhand.report.table import Estimate
+from evenhand.methods.paper.scores import Counts
+from evenhand.statistics import means
 from evenhand.statistics.intervals import newcombe
+from evenhand.statistics.means import Estimate
+from evenhand.statistics.permutation import holm
 from evenhand.study.analysis.judgements import Judged
 
 PERMUTATIONS = 1999
@@ -50,7 +49,7 @@ def mean_interval(values: NDArray[np.float64]) -> Estimate:
 
     Where all values are the same there is no interval: they do not tell how others would differ.
     """
-    found = table.mean_interval(values)
+    found = means.mean_interval(values)
     known = values[~np.isnan(values)]
     if len(known) and np.ptp(known) == 0:
         return Estimate(found.mean, float("nan"), float("nan"), found.n)
@@ -149,18 +148,7 @@ def _differences(
     here: NDArray[np.int64],
     size: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Mean of the ratings taken, less the mean of the others."""
     return taken / here - (whole - taken) / (size - here)
-
-
-def holm(p: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Holm's step-down correction (1979); NaN stays NaN and counts as no test."""
-    adjusted = np.full(len(p), np.nan)
-    known = np.flatnonzero(~np.isnan(p))
-    order = known[np.argsort(p[known], kind="stable")]
-    steps = p[order] * np.arange(len(order), 0, -1)
-    adjusted[order] = np.minimum(1.0, np.maximum.accumulate(steps))
-    return adjusted
 
 
 # --- order ---

@@ -1,7 +1,5 @@
 """Counts of answers: what was named and chosen, how far participants came, what they wrote."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 
@@ -9,9 +7,8 @@ import numpy as np
 
 from evenhand.report.table import Table, table
 from evenhand.statistics.detector_accuracy import wilson
-from evenhand.study.analysis.answer_columns import BETWEEN, STATUSES
+from evenhand.study.analysis.answer_columns import BETWEEN, STATUSES, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import numbers
 from evenhand.study.design.protocol import Protocol, Question
 

@@ -3,8 +3,6 @@
 Simulated participants are hatched and grey, and called so in every figure; people are in colour.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Callable
@@ -112,7 +110,6 @@ def short(name: str, letters: int = _LETTERS) -> str:
 
 
 def _look(kind: str, colour: str) -> dict[str, Any]:
-    """How bars of people and of simulated participants differ."""
     if kind == "people":
         return {"color": colour}
     return {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "////", "linewidth": 0.5}
@@ -197,7 +194,6 @@ def _keys(looks: list[style.Look]) -> list[Line2D]:
 
 
 def _ratings(data: Table, wide: bool, kind: str, middle: float) -> Figure:
-    """Mean rating of every set, and the share that judged it biased."""
     rows = list(data.rows())[:MOST]
     known = not all(math.isnan(row["biased"]) for row in rows)
     looks = [_looks(kind)[row["kind"]] for row in rows]
@@ -222,7 +218,6 @@ def _ratings(data: Table, wide: bool, kind: str, middle: float) -> Figure:
 
 
 def _controls(data: Table, wide: bool, kind: str) -> Figure:
-    """Difference of every scenario against the controls."""
     rows = list(data.rows())
     rows = [*rows[: MOST - 1], rows[-1]] if len(rows) > MOST else rows
     look = _looks(kind)["scenario"]
@@ -255,7 +250,6 @@ def _places(data: Table, wide: bool, kind: str) -> Figure:
 
 
 def _progress(data: Table, wide: bool, kind: str) -> Figure:
-    """Share of participants who answered so many pages or more."""
     figure, (ax,) = style.panels(False, 1, 1, 2.3)
     colour = style.BLUE if kind == "people" else style.GREY
     ax.bar(data["pages"], 100 * data["share"], width=0.72, **_look(kind, colour))

@@ -10,8 +10,6 @@ How well it does is measured on participants it never saw, and on sets it never 
 the harder question, and the one that matters: a study has few sets, each judged by many.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,8 +24,8 @@ from evenhand.statistics import detector_accuracy
 from evenhand.statistics.detector_accuracy import Share, wilson
 from evenhand.study.analysis import check_answers
 from evenhand.study.analysis import judgements as judging
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol
 
 Who = Literal["people", "simulated", "both"]
@@ -128,10 +126,6 @@ def chosen(answers: Answers, who: Who | None) -> Answers:
 
 def judgements(answers: Answers, study: Protocol) -> Judgements:
     """Judgements from answers.
-
-    Args:
-        answers: of the study.
-        study: whose sets state the scores of their robots.
 
     Raises:
         InputError: when no set states scores, nothing was judged, or an answer is one that its

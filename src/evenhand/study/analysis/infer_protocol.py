@@ -1,14 +1,11 @@
 """What answers alone tell of their study, where its protocol is not at hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 
-from evenhand.study.analysis.answer_columns import BETWEEN
+from evenhand.study.analysis.answer_columns import BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.check_answers import MOST_POINTS
 from evenhand.study.analysis.judgements import NOTHING, numbers
 from evenhand.study.design.protocol import (

@@ -6,8 +6,6 @@ without such a question a set is judged by what is named: "biased" where an issu
 other than "none" is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +13,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from evenhand.study.analysis.answer_columns import BETWEEN
+from evenhand.study.analysis.answer_columns import BETWEEN, pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.design.protocol import Protocol, Question
 
 NOTHING = "none"
@@ -94,12 +91,7 @@ class Judged:
 
 
 def judge(answers: Answers, study: Protocol) -> Judged:
-    """Bring the answers about sets into one place for each participant and set.
-
-    Args:
-        answers: of the study.
-        study: whose sets and questions count; answers to others are left out.
-    """
+    """Bring the answers about sets into one place for each participant and set."""
     people, sets = answers.participants, tuple(one.id for one in study.sets)
     rows = answers.where(pc.equal(answers.table["kind"], "set")).table
     who, item = codes(rows["participant"], people), codes(rows["item"], sets)

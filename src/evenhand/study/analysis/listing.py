@@ -1,13 +1,12 @@
 """The tables of a study's report as text: shares in per cent, and heads that say what they are."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
+from evenhand.core.wording import percent
 from evenhand.report import page
 from evenhand.report.page import Listing
-from evenhand.report.table import Table, say_share
+from evenhand.report.table import Table
 
 _NAMED = ("share", "low", "high")
 SHARES = {
@@ -32,13 +31,7 @@ NOTES = {
 
 
 def listing(name: str, table: Table, excluded: bool) -> Listing:
-    """A table for the page.
-
-    Args:
-        name: of the table or figure.
-        table: its rows.
-        excluded: whether the flagged are left out, so that the other way is with them.
-    """
+    """A table for the page."""
     shown = page.listing(table)
     columns = list(table.columns)
     other = "with" if excluded else "without"
@@ -52,7 +45,7 @@ def listing(name: str, table: Table, excluded: bool) -> Listing:
     shares = [column in SHARES.get(name, ()) for column in columns]
     rows = [
         [
-            say_share(row[column]) if share and not math.isnan(row[column]) else cell
+            percent(row[column]) if share and not math.isnan(row[column]) else cell
             for column, share, cell in zip(columns, shares, cells, strict=True)
         ]
         for row, cells in zip(table.rows(), shown.rows, strict=False)  # the page has the first ones

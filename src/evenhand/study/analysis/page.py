@@ -5,8 +5,6 @@ in as it is, and its text was escaped when it was drawn. People and simulated pa
 sections of their own, and simulated ones are called so in every heading, figure and file name.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import math
@@ -20,9 +18,10 @@ import pyarrow as pa
 import pyarrow.csv
 
 from evenhand.core import files
+from evenhand.core.wording import NOT_DEFINED, percent
 from evenhand.report import figure
 from evenhand.report import page as html
-from evenhand.report.table import NOT_DEFINED, Table, say, say_share
+from evenhand.report.table import Table, say
 from evenhand.study.analysis import check_answers
 from evenhand.study.analysis import figures as analysis_figures
 from evenhand.study.analysis.analyse import Analysis, Part
@@ -47,13 +46,7 @@ TABLES = {
 
 @dataclass(frozen=True)
 class Source:
-    """Where an analysis comes from.
-
-    Attributes:
-        answers: name of the file.
-        command: that made it.
-        created: when, as text.
-    """
+    """Where an analysis comes from."""
 
     answers: str
     command: str
@@ -71,9 +64,6 @@ def write(found: Analysis, answers: Answers, source: Source, folder: Path) -> Pa
 
     Returns:
         The path of ``report.html``.
-
-    Raises:
-        InputError: when the folder cannot be written.
     """
     drawn = [(part, analysis_figures.draw_all(part, found)) for part in found.parts]
     page = render(found, source, drawn)
@@ -226,7 +216,7 @@ def sentences(part: Part, found: Analysis) -> list[str]:
     people = sum(part.statuses.values())
     way = "left out of the results" if found.settings.exclude_flagged else "in the results"
     said.append(
-        f"{part.flagged:,} of {people:,} are flagged ({say_share(part.flagged / people)}) and "
+        f"{part.flagged:,} of {people:,} are flagged ({percent(part.flagged / people)}) and "
         f"{way}; ratings and agreement are shown both ways."
     )
     return said

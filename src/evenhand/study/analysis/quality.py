@@ -5,8 +5,6 @@ is asked for, and then results are shown both ways. Nothing here depends on whet
 found fair, so that leaving out the flagged cannot make a result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
@@ -16,8 +14,8 @@ from numpy.typing import NDArray
 
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements
+from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.analysis.answers import Answers
-from evenhand.study.analysis.arrow import pc
 from evenhand.study.analysis.judgements import codes, numbers
 from evenhand.study.design.protocol import Protocol
 

@@ -3,8 +3,6 @@
 Of MP4 files the movie header tells it (ISO/IEC 14496-12, 8.2.2); of others it is not known here.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which pages a participant sees, and in which order: a function of the study and a number."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -50,10 +48,6 @@ def pages(study: Protocol, number: int) -> list[dict[str, Any]]:
     """The pages of one participant, each with what a browser needs to show it.
 
     Right answers, scores, notes, and what is an even control are not told.
-
-    Args:
-        study: the study.
-        number: of the participant's order.
 
     Returns:
         Pages ``consent``, ``about``, ``set:<id>``, ``check:<id>``, ``pair:<id>``, ``end`` and

@@ -1,7 +1,5 @@
 """A study as data: who is asked what, about which clips, in which order."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -10,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from evenhand.core.toml.lines import Place
+from evenhand.core.toml_file import Place
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
 
 PREFER_NOT = "Prefer not to say"

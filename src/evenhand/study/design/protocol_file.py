@@ -1,7 +1,5 @@
 """A study read from its TOML file, with every mistake and its line."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -12,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError
-from evenhand.core.toml.lines import Place
-from evenhand.core.toml.reading import Mistake, content_of, located, text_of
-from evenhand.core.toml.table import ID, Table
+from evenhand.core.toml_file import ID, Mistake, Place, Table, content_of, located, text_of
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.study.design import protocol
 from evenhand.study.design.protocol import (
@@ -69,9 +65,6 @@ def examine(
         path: of the file.
         clips: folder of the clips, instead of the one that the file names.
         look: whether a clip that is not there, or is no film, is a mistake.
-
-    Raises:
-        InputError: when the file cannot be read at all.
     """
     text = text_of(path)
     content = content_of(text)

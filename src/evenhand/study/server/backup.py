@@ -23,10 +23,6 @@ def write(store: Store, path: Path) -> Path:
     SQLite is copied page by page by its own online backup; of PostgreSQL, all rows are read in one
     repeatable transaction.
 
-    Args:
-        store: of any version.
-        path: of the SQLite file; it appears whole or not at all.
-
     Raises:
         InputError: when it is there already, or cannot be written.
         StorageError: when the database cannot be read.

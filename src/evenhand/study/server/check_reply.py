@@ -1,7 +1,5 @@
 """What a participant answered on a page, checked against the study and made into rows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import unicodedata

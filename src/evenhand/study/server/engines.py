@@ -1,7 +1,5 @@
 """Engines of databases: SQLite that loses nothing, PostgreSQL, and one in memory."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, StaticPool, create_engine, event, make_url
@@ -57,9 +55,6 @@ def engine(url: URL, wait: float = WAIT, connections: int = 8) -> Engine:
         url: by ``address``.
         wait: seconds to wait for a lock.
         connections: at once, PostgreSQL.
-
-    Raises:
-        InputError: when the driver of PostgreSQL is not installed.
     """
     common: dict[str, Any] = {"hide_parameters": True}
     if url.get_backend_name() == "sqlite":

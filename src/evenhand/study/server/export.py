@@ -1,15 +1,11 @@
 """Stored answers as files, with a codebook, and ids of a platform apart."""
 
-from __future__ import annotations
-
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from sqlalchemy import select
 
-from evenhand.core import files
+from evenhand.core import csv_file, files
 from evenhand.core.errors import InputError
 from evenhand.study.analysis import answers, codebook
 from evenhand.study.design.protocol import Protocol
@@ -20,11 +16,7 @@ from evenhand.study.server.store import Store, read_note
 
 
 def check_ending(path: Path) -> None:
-    """Check that answers can be written in this format.
-
-    Raises:
-        InputError: for another ending.
-    """
+    """Check that answers can be written in this format."""
     if path.suffix not in answers.ENDINGS:
         raise InputError(f"{path} does not end in {', '.join(answers.ENDINGS)}: give such a file")
 
@@ -87,10 +79,6 @@ def _external(store: Store, previews: bool) -> str:
     asked = select(external, participants.c.preview).join(participants).order_by(external.c[0])
     with store.read() as connection:
         found = connection.execute(asked).mappings().all()
-    text = io.StringIO()
-    out = csv.writer(text, lineterminator="\n")
-    out.writerow(["participant", *rows.EXTERNAL])
-    for row in found:
-        if previews or not row["preview"]:
-            out.writerow([row["participant"], *(row[name] for name in rows.EXTERNAL.values())])
-    return text.getvalue()
+    names = ("participant", *rows.EXTERNAL.values())
+    shown = ([row[name] for name in names] for row in found if previews or not row["preview"])
+    return csv_file.text_of(["participant", *rows.EXTERNAL], shown)

@@ -1,7 +1,5 @@
 """Tables of an older version are brought to this one, after a backup."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from sqlalchemy import Connection, inspect, select, update

@@ -1,7 +1,5 @@
 """Opens the database of a study: makes its tables, brings them up to date, binds them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

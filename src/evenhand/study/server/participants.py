@@ -1,7 +1,5 @@
 """What a participant does: begin, answer page by page, finish."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets
@@ -9,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from sqlalchemy import Connection, RowMapping, and_, func, insert, or_, select, update
+from sqlalchemy import Connection, RowMapping, and_, delete, func, insert, or_, select, update
 
 from evenhand.study.design import orders
 from evenhand.study.design.protocol import Protocol
-from evenhand.study.server import check_reply, recruited
+from evenhand.study.server import check_reply
 from evenhand.study.server.check_reply import Value
 from evenhand.study.server.refusal import RefusalError
-from evenhand.study.server.schema import answers, pages, participants
+from evenhand.study.server.schema import answers, external, pages, participants
 from evenhand.study.server.store import Store, read_note
 
 UNDER_WAY = 3600 * 1000
@@ -132,7 +130,7 @@ def begin(
             )
         )
         if ids and not preview:
-            recruited.remember(connection, name, ids)
+            remember(connection, name, ids)
     return token, _state(store.pages(study, order), {}, False)
 
 
@@ -243,12 +241,6 @@ def find(
 ) -> RowMapping:
     """The row of a participant.
 
-    Args:
-        connection: of a transaction.
-        token: as it was told.
-        lock: keep others from changing it until the transaction ends.
-        withdrawn: whether somebody who has withdrawn is found.
-
     Raises:
         RefusalError: "unknown-token" or "withdrawn".
     """
@@ -334,3 +326,72 @@ def _every_view(page: Mapping[str, Any], views: Mapping[str, int]) -> dict[str, 
                 "invalid", f"clip_views names {clip[:100]!r}, which is not on this page"
             )
     return {clip: views.get(clip, 0) for clip in shown}
+
+
+def remember(connection: Connection, participant: str, ids: Mapping[str, str]) -> None:
+    """Store the ids of a participant who begins.
+
+    Raises:
+        RefusalError: "already-begun" for the same PROLIFIC_PID in the same STUDY_ID.
+    """
+    person, study = ids.get("PROLIFIC_PID"), ids.get("STUDY_ID")
+    # the table's own constraint lets rows without STUDY_ID pass: NULL differs from NULL
+    same = external.c.study_id.is_not_distinct_from(study)
+    asked = select(external.c.participant).where(external.c.prolific_pid == person, same)
+    if person and connection.scalar(asked) is not None:
+        raise RefusalError(
+            "already-begun",
+            "You have begun this study before: open it in the same browser to go on, or write to "
+            "the contact of the study.",
+        )
+    connection.execute(
+        insert(external).values(
+            participant=participant,
+            prolific_pid=person,
+            study_id=study,
+            session_id=ids.get("SESSION_ID"),
+        )
+    )
+
+
+def everything(store: Store, token: str) -> dict[str, Any]:
+    """All that is stored about a participant, for the participant.
+
+    Raises:
+        RefusalError: "unknown-token" or "withdrawn".
+    """
+    with store.read() as connection:
+        who = dict(find(connection, token))
+        del who["token"]
+        name = who["participant"]
+        found: dict[str, Any] = {"participant": who}
+        for kind, table in (("external", external), ("pages", pages), ("answers", answers)):
+            asked = select(table).where(table.c.participant == name).order_by(*table.primary_key)
+            rows = [dict(row) for row in connection.execute(asked).mappings()]
+            for row in rows:
+                del row["participant"]
+                row.pop("digest", None)
+                if "clip_views" in row:
+                    row["clip_views"] = json.loads(row["clip_views"])
+            found[kind] = rows
+    return found
+
+
+def withdraw(store: Store, token: str) -> None:
+    """Delete everything but a row that says that somebody withdrew. Can be said again.
+
+    The row keeps the order and the hash of the token, and no times. Ids of a platform are deleted
+    too, so the same person could begin again.
+
+    Raises:
+        RefusalError: "unknown-token".
+        StorageError: nothing was deleted.
+    """
+    with store.write() as connection:
+        who = find(connection, token, lock=True, withdrawn=True)
+        for table in (answers, pages, external):
+            connection.execute(delete(table).where(table.c.participant == who["participant"]))
+        mine = participants.c.participant == who["participant"]
+        gone = {"status": "withdrawn", "began": 0, "seen": 0, "finished": None}
+        connection.execute(update(participants).where(mine).values(**gone))
+    store.forget()

@@ -1,7 +1,5 @@
 """What a lead wants to know of a running study."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from statistics import median

@@ -1,7 +1,5 @@
 """Why a request of a participant is refused: a word for programs and a sentence for people."""
 
-from __future__ import annotations
-
 STATUS = {
     "already-answered": 409,
     "already-begun": 409,

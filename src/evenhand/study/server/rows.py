@@ -1,7 +1,5 @@
 """Stored answers as rows, one an answered question: what export writes and analysis reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from datetime import UTC, datetime

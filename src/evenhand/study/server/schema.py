@@ -1,7 +1,5 @@
 """The tables of a study's database."""
 
-from __future__ import annotations
-
 from sqlalchemy import (
     BigInteger,
     Boolean,

@@ -1,7 +1,5 @@
 """Where answers are kept: one database, one study."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -95,11 +95,7 @@ def take(
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """A Chromium without a window: the machine's own, else playwright's.
-
-    Raises:
-        InputError: when playwright or Chromium is not installed.
-    """
+    """A Chromium without a window: the machine's own, else playwright's."""
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError:
@@ -132,7 +128,6 @@ def _begin(
     who: int,
     rng: np.random.Generator,
 ) -> _Walk:
-    """Open the first page; from there on it goes by itself."""
     context = chromium.new_context(viewport=_PHONE if who % 2 else _DESK)  # type: ignore
     walk = _Walk(who, context.new_page())
 

@@ -3,8 +3,6 @@
 The server has to let simulated participants in; their rows are marked for ever.
 """
 
-from __future__ import annotations
-
 import json
 import time
 import urllib.error
@@ -115,9 +113,6 @@ def take(
 
     Returns:
         How many finished.
-
-    Raises:
-        InputError: when the server has another study or refuses.
     """
     about = meet(server, study)
     recruiting, *own = np.random.default_rng(seed).spawn(n + 1)

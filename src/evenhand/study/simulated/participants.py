@@ -6,8 +6,6 @@ behind the clips. A set without scores shows it nothing, so it is judged as an e
 before the end, some do not care: they answer quickly and at random, or always alike.
 """
 
-from __future__ import annotations
-
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -112,9 +110,6 @@ def recruit(n: int, rng: np.random.Generator, habits: Habits | None = None) -> C
         n: how many, 1 to ``MOST``.
         rng: source of randomness.
         habits: how they take a study; the default settings when None.
-
-    Raises:
-        InputError: for too few or too many.
     """
     errors.whole("respondents", n, 1, MOST)
     habits = habits or Habits()
@@ -137,15 +132,7 @@ def visit(
     who: int,
     rng: np.random.Generator,
 ) -> Visit:
-    """Let one participant answer pages.
-
-    Args:
-        study: whose scores decide how sets are judged.
-        pages: as :func:`orders.pages` or the server gives them.
-        crowd: the participants.
-        who: which of them.
-        rng: source of randomness.
-    """
+    """Let one participant answer pages."""
     to_answer = [page for page in pages if page.get("questions")]
     end = len(to_answer)
     if crowd.leaves[who] and end:
@@ -267,7 +254,6 @@ def _answer(
     who: int,
     rng: np.random.Generator,
 ) -> str | int | list[str] | None:
-    """What one participant answers to one question of a page."""
     kind = question["type"]
     known = {one.id: one for one in study.questions}.get(question["id"])
     if kind == "text":

@@ -12,15 +12,14 @@ multiple of 1/24 (the simplest fractions that round to them are 5/14 and 3/14), 
 shares of 24 volunteers giving one answer each; the paper does not say what they are shares of.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenhand.core.errors import InputError
-from evenhand.methods.vocabulary import DISCRIMINATIONS, IDENTITIES, ISSUES, checked_scores
+from evenhand.methods.judgements import checked_scores
+from evenhand.methods.vocabulary import DISCRIMINATIONS, IDENTITIES, ISSUES
 
 NAMEABLE = (*IDENTITIES, "none")
 """What can be named in the questionnaire."""
@@ -259,11 +258,6 @@ def questionnaire(
     what is seen times the respondent's weights. A respondent who lapses answers at random. The
     expected shares match the two published ones by the choice of the saliences; 24 answers vary
     around them by some 10 points.
-
-    Args:
-        respondents: who is asked.
-        rng: random numbers.
-        scenarios: what is shown; the paper's four.
 
     Returns:
         The answers, scenarios times respondents rows.

@@ -5,8 +5,6 @@ Gives: ``figures/<name>.svg``, ``.pdf``, ``.csv`` and ``report.html`` in the sam
 needs no network, no script and no other file. Nothing here simulates or learns.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from evenhand.core import files

@@ -1,7 +1,5 @@
 """All figures of the report of the paper's experiment, in the order of the page."""
 
-from __future__ import annotations
-
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 

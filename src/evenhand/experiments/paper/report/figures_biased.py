@@ -3,8 +3,6 @@
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,11 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from evenhand.experiments.paper.report.figures_learning import THRESHOLD
+from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
-from evenhand.report.table import Table, mean_interval, seeds_text, table
+from evenhand.report.table import Table, seeds_text, table
+from evenhand.statistics.means import mean_interval
 
 ZOOM = 40  # epochs in the close view of Fig. 10
 PAPER_BIASED = {"ppo": 54, "ppo+guidance": 39}  # biased epochs, caption of Fig. 9
@@ -183,14 +182,14 @@ def zoom_draw(data: Table, wide: bool) -> Figure:
                 zorder=0,
             )
         ax.plot(part["epoch"], part["total"], **look.marks(), markersize=2.8, linewidth=1.1)
-        ax.axhline(THRESHOLD, color=style.INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
+        ax.axhline(MANUAL_THRESHOLD, color=style.INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
         seed = f", seed {part['seed'][0]}" if len(part) else ""
         ax.set_title(f"{look.label}: preset {preset}{seed}")
         if place >= len(cells) - columns:
             ax.set_xlabel("epoch")
         if place % columns == 0:
             ax.set_ylabel("total score")
-    axes[0].set_ylim(0, 1.1 * float(np.nanmax(np.r_[data["total"], THRESHOLD])))
+    axes[0].set_ylim(0, 1.1 * float(np.nanmax(np.r_[data["total"], MANUAL_THRESHOLD])))
     marks = [
         Patch(
             facecolor="#f6d5c3",

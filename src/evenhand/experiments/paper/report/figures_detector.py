@@ -3,17 +3,17 @@
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from evenhand.core.wording import NOT_DEFINED, percent
 from evenhand.report import style
 from evenhand.report.read_tables import Results
-from evenhand.report.table import NOT_DEFINED, Estimate, Table, say_estimate, say_share
+from evenhand.report.table import Table, say_estimate
+from evenhand.statistics.means import Estimate
 
 # --- calibration ------------------------------------------------------------------------------
 
@@ -53,7 +53,7 @@ def metric_text(results: Results, metric: str, share: bool = True) -> str:
     nothing = Estimate(math.nan, math.nan, math.nan, 0)
     estimate = found[0] if found and not math.isnan(found[0].mean) else nothing
     if estimate.n and not estimate.has_interval:
-        return say_share(estimate.mean) if share else f"{estimate.mean:.3f}"
+        return percent(estimate.mean) if share else f"{estimate.mean:.3f}"
     return say_estimate(estimate, share)
 
 

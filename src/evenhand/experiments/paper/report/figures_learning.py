@@ -3,8 +3,6 @@
 Takes: tables. Gives: the data drawn, figures, captions. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -13,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
 from evenhand.report.table import Table, seeds_text, table, trailing_mean
 
 AVERAGE = 40  # epochs in the running mean of the paper's Fig. 7
-THRESHOLD = 0.5  # the paper's manual threshold on the total issue score
 
 
 # --- score and service quality per epoch (Fig. 7) ---------------------------------------------
@@ -116,7 +114,7 @@ def score_draw(data: Table, wide: bool) -> Figure:
     mark = Line2D([], [], label="manual threshold", **dotted)
     figure, axes = _curves(data, wide, 1.0, "total issue score", mark)
     for ax in axes:
-        ax.axhline(THRESHOLD, **dotted)
+        ax.axhline(MANUAL_THRESHOLD, **dotted)
         ax.set_ylim(bottom=0)
     return figure
 
@@ -139,9 +137,9 @@ def _curve_words(results: Results) -> str:
 def score_caption(results: Results, data: Table) -> str:
     """Seeds, bands, and why chance keeps the score above zero."""
     return (
-        f"{_curve_words(results)} Dotted: the manual threshold of {THRESHOLD}. The raw score of a "
-        "single epoch holds chance gaps between groups: an even robot reaches 0 only where it "
-        "makes no issues. "
+        f"{_curve_words(results)} Dotted: the manual threshold of {MANUAL_THRESHOLD}. The raw "
+        "score of a single epoch holds chance gaps between groups: an even robot reaches 0 only "
+        "where it makes no issues. "
         "Read it together with the next figure: a robot that fails everybody alike scores low too."
     )
 

@@ -3,8 +3,6 @@
 Takes: tables. Gives: the data drawn, a figure, a caption. Pure apart from matplotlib objects.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,10 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
-from evenhand.report.table import ISSUES, SCORE, SHARE, Table, mean_interval, seeds_text, table
+from evenhand.report.table import Table, seeds_text, table
+from evenhand.statistics.means import SCORE, SHARE, mean_interval
 
 TESTED = ("total", *ISSUES, "perfect_rate")
 

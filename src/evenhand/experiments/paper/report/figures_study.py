@@ -5,8 +5,6 @@ Each figure is three functions: what is drawn (a table, also written as CSV), ho
 (from that table alone, in two widths), and the words under it.
 """
 
-from __future__ import annotations
-
 import textwrap
 
 import numpy as np
@@ -14,9 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report import style
 from evenhand.report.read_tables import Results
-from evenhand.report.table import ISSUES, Table, say, table
+from evenhand.report.table import Table, say, table
 from evenhand.statistics.intervals import wilson
 
 _MEASURES = {
@@ -87,7 +86,6 @@ def questionnaire_data(results: Results) -> Table:
 
 
 def _limits(count: int, n: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share."""
     low, high = wilson(np.array(count), np.array(n))
     return float(low), float(high)
 

@@ -1,18 +1,17 @@
 """The page of the paper's experiment, from results and drawn figures."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from evenhand.experiments.paper.report import summary
+from evenhand.experiments.paper.report.results import STATUSES
 from evenhand.report.figure import Drawn
 from evenhand.report.page import NOT_PRINTED, duration, figure_context, fill, flat, value_text
 from evenhand.report.read_tables import Results
 
-_ICONS = {"reproduced": "✓", "contradicted": "✗", "cannot be told": "?", "cannot be tested": "–"}
+_ICONS: dict[str, str] = dict(zip(STATUSES, "✓✗?–", strict=True))
 
 
 SECTIONS = {
@@ -55,12 +54,7 @@ class Claim:
 
 
 def render(results: Results, drawn: Sequence[Drawn]) -> str:
-    """The whole page.
-
-    Args:
-        results: what was read from the folder.
-        drawn: the figures, in order.
-    """
+    """The whole page."""
     manifest = results.manifest
     return fill(
         "report.html.j2",
@@ -86,7 +80,6 @@ def render(results: Results, drawn: Sequence[Drawn]) -> str:
 
 
 def _many_seeds(manifest: Mapping[str, Any]) -> str:
-    """How many seeds an arm has; by preset where they differ."""
     counts = {preset: len(seeds) for preset, seeds in manifest.get("seeds_of", {}).items()}
     if len(set(counts.values())) < 2:
         return str(len(manifest["seeds"]))

@@ -1,13 +1,11 @@
 """The results of the paper's experiment, read from its folder and checked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 from evenhand.core.errors import InputError
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.read_tables import Results, read_json, read_table
-from evenhand.report.table import ISSUES
 
 
 def _schema(text: str) -> dict[str, str]:
@@ -17,7 +15,12 @@ def _schema(text: str) -> dict[str, str]:
     return {name: kind for name, _, kind in (pair.partition(":") for pair in text.split())}
 
 
-STATUSES = ("reproduced", "contradicted", "cannot be told", "cannot be tested")
+REPRODUCED, CONTRADICTED, UNTOLD, UNTESTED = STATUSES = (
+    "reproduced",
+    "contradicted",
+    "cannot be told",
+    "cannot be tested",
+)
 
 
 SCHEMAS: dict[str, dict[str, str]] = {
@@ -87,10 +90,6 @@ MAY_BE_EMPTY = ("reflection",)
 
 def read(folder: Path) -> Results:
     """Read and check everything that a report needs.
-
-    Args:
-        folder: the folder of an experiment, with ``data/*.csv``, ``claims.json``,
-            ``results.csv`` and ``manifest.json``.
 
     Raises:
         InputError: a file is missing or malformed; the sentence names file, row and column.

@@ -4,30 +4,21 @@ Every sentence is composed from the numbers of the run; none is written beforeha
 outcome.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from evenhand.core.wording import joined, percent
 from evenhand.experiments.paper.report.figures_biased import biased_data
 from evenhand.experiments.paper.report.figures_detector import judge_text, metric_text
-from evenhand.experiments.paper.report.figures_learning import THRESHOLD
 from evenhand.experiments.paper.report.figures_study import behaviour_data, measure_title
 from evenhand.experiments.paper.report.results import STATUSES
+from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.style import arms_in
-from evenhand.report.table import (
-    SCORE,
-    SHARE,
-    Estimate,
-    Table,
-    mean_interval,
-    say,
-    say_estimate,
-    say_share,
-)
+from evenhand.report.table import Table, say, say_estimate
+from evenhand.statistics.means import SCORE, SHARE, Estimate, mean_interval
 
 # A robot levels down when its total score passes the manual threshold although most of its
 # services are not perfect: it treats everybody alike by serving everybody badly.
@@ -70,7 +61,7 @@ class Glance:
 def levels_down(arm: Table) -> bool:
     """Whether one arm of one preset, as rows of the test, levels down."""
     total, perfect = mean_interval(arm["total"]).mean, mean_interval(arm["perfect_rate"]).mean
-    return total < THRESHOLD and perfect < LEVELLED_PERFECT
+    return total < MANUAL_THRESHOLD and perfect < LEVELLED_PERFECT
 
 
 def glance(results: Results) -> list[tuple[str, list[Glance]]]:
@@ -105,7 +96,7 @@ def glance(results: Results) -> list[tuple[str, list[Glance]]]:
 
 def _brief(estimate: Estimate, share: bool = False, digits: int = 3) -> Cell:
     def tell(value: float) -> str:
-        return say_share(value) if share else say(value, digits)
+        return percent(value) if share else say(value, digits)
 
     known = not math.isnan(estimate.mean) and estimate.has_interval
     interval = f"[{tell(estimate.low)}, {tell(estimate.high)}]" if known else ""
@@ -150,7 +141,6 @@ def status_counts(results: Results) -> list[tuple[str, int]]:
 
 
 def _claims(results: Results) -> tuple[str, str]:
-    """What the rows are, and how many came out how."""
     ids = {claim["id"] for claim in results.claims}
     unprinted = sum(claim["paper"] is None for claim in results.claims)
     again = sum(
@@ -181,7 +171,7 @@ def _was(count: int) -> str:
 
 def _span(values: Sequence[float], share: bool = False) -> str:
     known = [value for value in values if not math.isnan(value)]
-    tell = say_share if share else say
+    tell = percent if share else say
     if not known:
         return tell(math.nan)
     low, high = tell(min(known)), tell(max(known))
@@ -205,18 +195,14 @@ def _preset(results: Results, preset: str) -> tuple[str, str]:
         return head, text + "Whether an arm levels down cannot be said: scores are missing."
     if not down:
         return head, text + "No arm levels down."
-    which = f"All {len(parts)} arms level" if len(down) == len(parts) else _list(down)
+    which = f"All {len(parts)} arms level" if len(down) == len(parts) else joined(down)
     if len(down) < len(parts):
         which += " levels" if len(down) == 1 else " level"
     return head, text + (
-        f"{which} down: the score is under the manual threshold of {THRESHOLD} although fewer "
-        "than half of the services are perfect. A robot that fails everybody alike passes as "
+        f"{which} down: the score is under the manual threshold of {MANUAL_THRESHOLD} although "
+        "fewer than half of the services are perfect. A robot that fails everybody alike passes as "
         "fair, so this low score is not a success."
     )
-
-
-def _list(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def paired(
@@ -261,7 +247,6 @@ def _against_unguided(results: Results, preset: str, arms: Sequence[str], kind: 
 
 
 def _verdict(change: Estimate) -> str:
-    """What the interval says, in brackets; nothing without an interval."""
     if not change.has_interval:
         return ""
     if change.high < 0:
@@ -270,7 +255,6 @@ def _verdict(change: Estimate) -> str:
 
 
 def _points(change: Estimate) -> str:
-    """A change of a share in percentage points."""
     if not change.n:
         return say(math.nan)
     scaled = [100 * min(max(v, -1.0), 1.0) for v in (change.mean, change.low, change.high)]

@@ -1,7 +1,5 @@
 """The application: FastAPI, its errors, its files."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -34,13 +32,7 @@ _WORDS = {
 
 
 def build(study: Protocol, store: Store, settings: Settings) -> FastAPI:
-    """The application of one study.
-
-    Args:
-        study: what is asked.
-        store: where answers go.
-        settings: how it is served.
-    """
+    """The application of one study."""
     app = FastAPI(
         title="Evenhand study", version=__version__, openapi_url=None, docs_url=None, redoc_url=None
     )

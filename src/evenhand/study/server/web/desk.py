@@ -1,7 +1,5 @@
 """What every request needs at hand."""
 
-from __future__ import annotations
-
 import secrets
 import threading
 import time
@@ -74,10 +72,6 @@ class Desk:
 
 def admin_token(given: str | None, file: Path | None) -> tuple[str, bool]:
     """The lead's token, from the environment, from a file, or made.
-
-    Args:
-        given: of the environment.
-        file: with the token in it.
 
     Returns:
         The token, and whether it was made just now and has to be shown.

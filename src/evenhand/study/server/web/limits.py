@@ -6,8 +6,6 @@ a participant's is forgotten as soon as it no longer limits anything, some secon
 request.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable
@@ -28,12 +26,6 @@ class Limits:
 
     The defaults let 200 participants begin in one second behind one address, and stop a program
     that asks without end.
-
-    Attributes:
-        token: of one participant.
-        begin: of all beginnings.
-        everything: of all requests to the API.
-        login: of all wrong admin tokens.
     """
 
     token: Rate = Rate(60, 5)

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Header, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from evenhand.study.design import orders
-from evenhand.study.server import participants, rights
+from evenhand.study.server import participants
 from evenhand.study.server.participants import Sent, State
 from evenhand.study.server.refusal import RefusalError
 from evenhand.study.server.web import models
@@ -132,7 +132,7 @@ def router(desk: Desk) -> APIRouter:
     )
     def mine(token: Annotated[str, Depends(known)]) -> Response:
         """Everything that is stored about the participant, as a file."""
-        told = rights.everything(store, token)
+        told = participants.everything(store, token)
         return Response(
             json.dumps({"study": study.name, **told}, indent=1),
             media_type="application/json",
@@ -142,7 +142,7 @@ def router(desk: Desk) -> APIRouter:
     @found.delete("/mine", responses=_errors(401))
     def withdraw(token: Annotated[str, Depends(known)]) -> models.Deleted:
         """Delete everything. Can be asked again."""
-        rights.withdraw(store, token)
+        participants.withdraw(store, token)
         return models.Deleted(deleted=True)
 
     return found

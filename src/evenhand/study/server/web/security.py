@@ -1,7 +1,5 @@
 """Around every request: size limits, headers, and a log without addresses."""
 
-from __future__ import annotations
-
 import json
 import logging
 from http import HTTPStatus

@@ -1,7 +1,5 @@
 """A server of one study: uvicorn, without its access log."""
 
-from __future__ import annotations
-
 import logging
 import socket
 
@@ -13,11 +11,7 @@ from evenhand.study.server.web.security import log
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens; 0 is any free port.
-
-    Raises:
-        InputError: when the address cannot be had.
-    """
+    """A socket that listens; 0 is any free port."""
     found = None
     try:
         kind, _, _, _, at = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]

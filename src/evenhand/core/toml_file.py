@@ -1,14 +1,146 @@
-"""A table of TOML read key by key, noting each mistake instead of stopping at the first."""
+"""Files of TOML that people write: every mistake is told at once, with its line.
+
+The reader of the standard library does not tell on which line a key stands: ``lines`` does.
+"""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from evenhand.core.errors import unknown
-from evenhand.core.toml.lines import Place
+from evenhand.core.errors import InputError, unknown
+
+Place = tuple[str | int, ...]
+"""Where something stands, as keys and positions of the file: ("sets", 0, "clips")."""
+
+_BARE = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([A-Za-z0-9_-]+))\s*""")
+_STRING = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:\\.|[^"\\\n])*"|' r"'[^'\n]*'|#[^\n]*",
+    re.DOTALL,
+)
+
+
+def lines(text: str) -> dict[Place, int]:
+    """Place -> line, 1 first, of every table and key of valid TOML.
+
+    Items of an array of tables are numbered: ``("sets", 2, "clips")``. What stands inside an
+    inline table or an array is found by the key that it belongs to.
+    """
+    found: dict[Place, int] = {(): 1}
+    counts: dict[Place, int] = {}
+    table: Place = ()
+    for number, line in _statements(text):
+        head = re.match(r"\s*(\[\[?)", line)
+        names, end = _key(line, head.end() if head else 0)
+        if not names:
+            continue
+        if not head:
+            if line[end : end + 1] == "=":
+                for depth in range(1, len(names) + 1):
+                    found.setdefault((*table, *names[:depth]), number)
+            continue
+        table = ()
+        for depth, name in enumerate(names):
+            table = (*table, name)
+            last = depth == len(names) - 1
+            if last and head.group(1) == "[[":
+                found.setdefault(table, number)
+                counts[table] = counts.get(table, 0) + 1
+            if table in counts:
+                table = (*table, counts[table] - 1)
+            found.setdefault(table, number)
+    return found
+
+
+def line_of(found: dict[Place, int], place: Place) -> int:
+    """The line of a place, or of the nearest one around it."""
+    while place not in found:
+        place = place[:-1]
+    return found[place]
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """First lines of statements with their numbers; what is inside brackets is none."""
+
+    # strings and comments are blanked, but for short ones before a "=", which may be keys
+    def blank(match: re.Match[str]) -> str:
+        word = match.group()
+        if word[0] != "#" and not word.startswith(('"""', "'''")):
+            return word[0] + re.sub(r"[\[\]{}=]", "_", word[1:-1]) + word[-1]
+        return re.sub(r"[^\n]", " ", word)
+
+    depth = 0
+    for number, line in enumerate(_STRING.sub(blank, text).split("\n"), 1):
+        if depth == 0:
+            yield number, line
+            if re.match(r"\s*\[", line):
+                continue
+        depth += len(re.findall(r"[\[{]", line)) - len(re.findall(r"[\]}]", line))
+
+
+def _key(line: str, at: int) -> tuple[tuple[str, ...], int]:
+    names: list[str] = []
+    while match := _BARE.match(line, at):
+        names.append(next(group for group in match.groups() if group is not None))
+        at = match.end()
+        if line[at : at + 1] != ".":
+            break
+        at += 1
+    return tuple(names), at
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake: its line (1 first), the key, and what to do about it."""
+
+    line: int
+    key: str
+    sentence: str
+
+    def __str__(self) -> str:
+        key = f", {self.key}" if self.key else ""
+        return f"line {self.line}{key}: {self.sentence}"
+
+
+def text_of(path: str | os.PathLike[str]) -> str:
+    """What a file says, with the ends of lines of Unix.
+
+    Raises:
+        InputError: when the file cannot be read, or is not UTF-8.
+    """
+    try:
+        return Path(path).read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text: save it as UTF-8") from error
+
+
+def content_of(text: str) -> dict[str, Any] | Mistake:
+    """Keys and values, or why there are none."""
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        told = " ".join(str(error).split())
+        at = re.search(r" ?\(at line (\d+), column \d+\)| ?\(at end of document\)", told)
+        line = int(at.group(1)) if at and at.group(1) else text.count("\n") + 1
+        told = told.replace(at.group(), "") if at else told
+        return Mistake(line, "", f"this is no TOML: {told}")
+
+
+def located(
+    text: str, wrong: Iterable[tuple[Place, str]], named: Callable[[Place], str]
+) -> list[Mistake]:
+    """Mistakes by their lines."""
+    where = lines(text)
+    told = [Mistake(line_of(where, place), named(place), said) for place, said in wrong]
+    return sorted(told, key=lambda one: one.line)
+
 
 ID = re.compile(r"[a-z0-9-]{1,40}")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -162,7 +294,6 @@ class Table:
 
 
 def _text(value: Any, longest: int, pattern: re.Pattern[str] | None, shape: str) -> str:
-    """What is wrong with a text, or nothing."""
     if not isinstance(value, str):
         return f'it is {value!r}: give text, in quotes "..."'
     if not value.strip() and not (pattern and pattern.fullmatch(value)):

@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector, WindowVerdict
+from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
 
-Judge = Callable[[issues.Scores], WindowVerdict]
+Judge = Callable[[Scores], WindowVerdict]
 
 
 class Weight(Protocol):
@@ -52,7 +52,7 @@ class Epoch:
     issues: Sequence[str]
     tau: np.ndarray
     advantages_of: Callable[[np.ndarray], np.ndarray]
-    excess_of: Callable[[issues.Counts], float]
+    excess_of: Callable[[Counts], float]
     judge: Judge | None = None
     guard: Weight | None = None
     number: int = 0
@@ -67,14 +67,14 @@ class Epoch:
         return np.array([names.index(name) for name, _ in self.groups])
 
     @cached_property
-    def counts(self) -> issues.Counts:
+    def counts(self) -> Counts:
         """Issues and services on both sides of every group, [G, K]."""
-        return issues.count(self.x, self.inside)
+        return count(self.x, self.inside)
 
     @cached_property
-    def scores(self) -> issues.Scores:
+    def scores(self) -> Scores:
         """How uneven these services were (Eq. 1 and 2)."""
-        return issues.scores_of(self.counts, tuple(self.groups), tuple(self.issues))
+        return scores_of(self.counts, tuple(self.groups), tuple(self.issues))
 
     @cached_property
     def verdict(self) -> WindowVerdict:
@@ -111,7 +111,7 @@ def judge_of(detector: Detector | None, identities: Sequence[str]) -> Judge:
         identities: those that the scores have are judged.
     """
 
-    def judge(scores: issues.Scores) -> WindowVerdict:
+    def judge(scores: Scores) -> WindowVerdict:
         if detector is None:
             none = np.zeros((1, scores.overall.shape[-1]), bool)
             return WindowVerdict(np.array(False), np.full(1, np.nan), none, np.array(-1))
