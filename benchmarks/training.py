@@ -23,8 +23,8 @@ import numpy as np
 from evenhand.core import terminal as display
 from evenhand.core.errors import InputError
 
-ARMS = ("levelup", "none")
-"""Guidances: level-up, and service alone."""
+ARMS = {"levelup": ("levelup",), "service": ("service", "none")}
+"""Guidances: level-up, and service alone. Each with the names that commits know it by."""
 _HERE = Path(__file__).parents[1]
 _CHILD = """
 import contextlib, io, json, os, sys, tempfile
@@ -32,18 +32,26 @@ from time import perf_counter, process_time
 from evenhand.cli import main
 
 for line in sys.stdin:
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-        processor, clock = process_time(), perf_counter()
-        code = main([*json.loads(line), "--out", os.path.join(folder, "run")])
-        processor, clock = process_time() - processor, perf_counter() - clock
-    if code:
+    words, names = json.loads(line)
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+            processor, clock = process_time(), perf_counter()
+            code = main([*words, "--guidance", name, "--out", os.path.join(folder, "run")])
+            processor, clock = process_time() - processor, perf_counter() - clock
+        if not code:
+            break
+    else:
         sys.exit(code)
     print(json.dumps([processor, clock]), flush=True)
 """
 
 
 def measure(
-    against: Path | None = None, *, epochs: int = 300, rounds: int = 3, arms: Sequence[str] = ARMS
+    against: Path | None = None,
+    *,
+    epochs: int = 300,
+    rounds: int = 3,
+    arms: Sequence[str] = tuple(ARMS),
 ) -> dict[str, Any]:
     """Train by PPO with seed 0, 30 services per epoch; two minutes, or four against a commit.
 
@@ -51,7 +59,7 @@ def measure(
         against: a checkout of another commit.
         epochs: of every training.
         rounds: each has one training of every arm on every side.
-        arms: guidances.
+        arms: of ``ARMS``.
 
     Returns:
         ``train_processor_s`` and ``train_wall_s``, median seconds; with ``against`` also
@@ -73,8 +81,8 @@ def measure(
         for turn, arm, side in np.ndindex(spent.shape[:3]):
             which = side if turn % 2 else len(sides) - 1 - side  # who begins changes
             words = ["train", "--preset", "service", "--algorithm", "ppo", "--seed", "0"]
-            words += ["--guidance", arms[arm], "--epochs", str(epochs)]
-            spent[turn, arm, which] = _train(trainers[which], words)
+            words += ["--epochs", str(epochs)]
+            spent[turn, arm, which] = _train(trainers[which], words, ARMS[arms[int(arm)]])
     spent = spent[1:]
     found: dict[str, Any] = {}
     for what, name in enumerate(("processor", "wall")):
@@ -113,14 +121,17 @@ def _trainer(source: Path) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
-def _train(process: subprocess.Popen[str], words: list[str]) -> tuple[float, float]:
-    """Seconds of the processor and of the clock."""
+def _train(
+    process: subprocess.Popen[str], words: list[str], names: Sequence[str]
+) -> tuple[float, float]:
+    """Seconds of the processor and of the clock, with the first guidance that is known there."""
     assert process.stdin is not None
     assert process.stdout is not None
-    print(json.dumps(words), file=process.stdin, flush=True)
+    print(json.dumps([words, names]), file=process.stdin, flush=True)
     answer = process.stdout.readline()
     if not answer:
-        raise RuntimeError(f"a training failed; to see why, run: evenhand {' '.join(words)}")
+        command = " ".join(["evenhand", *words, "--guidance", names[0]])
+        raise RuntimeError(f"a training failed; to see why, run: {command}")
     processor, clock = json.loads(answer)
     return processor, clock
 

@@ -8,7 +8,7 @@ are rows of structured arrays, whose fields are described where they are made (`
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -361,9 +361,9 @@ def observe(
 @compiled
 def _observe(
     one_hot: np.ndarray,
-    distance: float,
-    steps: int,
-    age: float,
+    distance: Any,
+    steps: Any,
+    age: Any,
     units: tuple[float, float, float],
     limit: float,
     out: np.ndarray,
@@ -438,7 +438,7 @@ def _forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
 def serve(
     ids: np.ndarray,
     step: Callable[[int, int], None],
-    set_state: Callable[[int, int, int, int], None],
+    set_state: Callable[[int, int, int, Any], None],
     simulation: Simulation,
     services: Services,
     network: Network,

@@ -15,6 +15,7 @@ import functools
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -42,12 +43,12 @@ class _Function(types.WrapperAddressProtocol):
     def __wrapper_address__(self) -> int:
         return self._address
 
-    def signature(self) -> types.Type:
+    def signature(self) -> Any:
         return self._signature
 
 
 @functools.cache
-def found() -> tuple[_Function, _Function] | None:
+def found() -> tuple[Any, Any] | None:
     """``mj_step`` and ``mj_setState``, or None where MuJoCo's library cannot be found."""
     pointer = types.intp
     folder = Path(mujoco.__file__).parent
@@ -135,7 +136,7 @@ class WholeServices:
 
     def run(
         self,
-        functions: tuple[_Function, _Function],
+        functions: tuple[Any, Any],
         drawn: serve.Drawn,
         network: driving.Network,
         *,
