@@ -6,7 +6,10 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from tyro.conf import arg
 
 from evenhand import cli
 from evenhand.cli import inputs
@@ -20,11 +23,14 @@ class Bench:
     json: bool = False
     """Print JSON instead of tables."""
 
-    what: Literal["env", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = "all"
+    what: Literal["env", "train", "audit", "film", "adapters", "study", "sweep", "sb3", "all"] = (
+        "all"
+    )
     """What is measured.
     env: physics steps against a bare mj_step loop over the same room and the same drives, and
     against Gymnasium's SyncVectorEnv over the single environment, with a thread for each processor
     and with one; an epoch of training.
+    train: whole trainings; against another commit with --against.
     audit: ten million and one million services from Parquet, and Fairlearn's MetricFrame on the
     million.
     film: clips, and what recording them costs.
@@ -38,11 +44,18 @@ class Bench:
     """For each of the six things that are measured of the environment, in turns of a quarter of a
     second."""
 
+    against: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(optional)")] = None
+    """A checkout of another commit, which trains in alternating rounds; only with --what train or
+    all."""
+
     def run(self, command: str) -> int:
         """Measure and print."""
+        if self.against is not None and self.what not in ("train", "all"):
+            raise InputError(f"--against does nothing with --what {self.what}: leave it out")
         found: dict[str, Any] = {}
         parts = {
             "env": self._env,
+            "train": self._train,
             "audit": self._audit,
             "film": self._film,
             "adapters": self._adapters,
@@ -71,6 +84,12 @@ class Bench:
 
         set_up_jax()
         return self._shown(environment.measure(self.seconds), environment.show)
+
+    def _train(self) -> dict[str, Any]:
+        inputs.load_physics()
+        from benchmarks import training
+
+        return self._shown(training.measure(self.against), training.show)
 
     def _audit(self) -> dict[str, Any]:
         from benchmarks import audit

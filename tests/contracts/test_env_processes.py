@@ -88,29 +88,27 @@ def test_one_restaurant_and_one_thread_go_on_in_a_forked_process():
 def test_a_fork_while_others_simulate_leaves_the_child_able_to():
     assert run("""
         import threading
-        from evenhand.restaurant.simulation import mujoco_library
-        import mujoco
-        clock = mujoco.get_mjcb_time(), mujoco_library.address("mjcb_time")
+        from evenhand.restaurant.simulation import clock
         inside, over = threading.Event(), threading.Event()
 
         def simulate():
-            with mujoco_library.untimed():
+            with clock.untimed():
                 inside.set()
                 over.wait()
 
         other = threading.Thread(target=simulate)
         other.start()
         inside.wait()
-        mujoco_library._running.lock.acquire()
+        clock._lock.acquire()
 
         def step():
             env = RestaurantEnv()
             env.reset(seed=0)
             env.step(0)
-            return mujoco_library._running.how_many
+            return clock._simulating
 
         forked(step)
-        mujoco_library._running.lock.release()
+        clock._lock.release()
         over.set()
         other.join()
     """) == ["0"]
@@ -145,20 +143,22 @@ def test_machine_code_on_threads_is_refused_in_a_forked_process():
     said, alone = run("""
         from evenhand.restaurant import people
         from evenhand.restaurant.scenarios import sensing
-        from evenhand.restaurant.simulation import layout, native, serve, task
+        from evenhand.restaurant.simulation import layout, serve, task
+        from evenhand.restaurant.simulation.driving import Network
+        from evenhand.restaurant.simulation.engine import Engine
         from evenhand.restaurant.simulation.lanes import Lanes
 
         lanes, rng = Lanes(4, task.TaskSettings()), np.random.default_rng(0)
         setups = layout.draw(people.population("uniform"), 4, rng)
         drawn = serve.draw(lanes, setups, rng, sensing.SenseSettings())
         zeros = np.zeros(25, np.float32)
-        network = native.Network(
+        network = Network(
             (np.zeros((25, 2), np.float32),), (np.zeros(2, np.float32),), zeros, zeros, True
         )
         for threads in (2, 1):
-            engines = native.Engines(4, threads)
-            engines.run(drawn, network, task.TaskSettings())
-            forked(lambda: len(engines.run(drawn, network, task.TaskSettings()).facts.steps))
+            engine = Engine(task.TaskSettings(), 4, 22, threads)
+            engine.run(drawn, network)
+            forked(lambda: len(engine.run(drawn, network).facts.steps))
     """)
     assert said.startswith("refused: these simulations were made before this process was forked")
     assert alone == "4"

@@ -2,6 +2,7 @@
 
 import json
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,7 @@ from evenhand.core.errors import InputError
 
 PARTS = {
     "env": "environment",
+    "train": "training",
     "audit": "audit",
     "film": "film",
     "adapters": "adapters",
@@ -49,6 +51,17 @@ def test_one_thing(measured, capsys, name):
     assert Bench(what=name, json=True).run("") == 0
     assert measured == [name]
     assert capsys.readouterr().out == f'{{"{name}": 1}}\n'
+
+
+def test_a_commit_to_train_against(measured, monkeypatch):
+    given = []
+    training = import_module("benchmarks.training")
+    monkeypatch.setattr(training, "measure", lambda against: given.append(against) or {})
+    assert Bench(what="train", against=Path("old"), json=True).run("") == 0
+    assert given == [Path("old")]
+    with pytest.raises(InputError, match="--against does nothing with --what audit"):
+        Bench(what="audit", against=Path("old")).run("")
+    assert measured == []
 
 
 class TestWithoutStableBaselines3:

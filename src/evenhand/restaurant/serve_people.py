@@ -9,7 +9,7 @@ import numpy as np
 
 from evenhand.methods.services import Interactions
 from evenhand.restaurant.simulation import layout, serve
-from evenhand.restaurant.simulation.engines import LANES, Engine
+from evenhand.restaurant.simulation.engine import LANES, Engine
 from evenhand.restaurant.worlds import AnyRobot, World
 
 WINDOW = 30

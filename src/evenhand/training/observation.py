@@ -8,13 +8,13 @@ from evenhand.methods import registry
 from evenhand.methods.rivals.unaware import unaware
 from evenhand.restaurant import observation as observed
 from evenhand.restaurant.simulation import task
-from evenhand.restaurant.simulation.native import Network
+from evenhand.restaurant.simulation.driving import Network
 from evenhand.training.policy import ActorCritic
 from evenhand.training.settings import TrainSettings
 
 
 def as_network(settings: TrainSettings, policy: ActorCritic) -> Network:
-    """The actor with its view of observations, for services as machine code."""
+    """The actor with its view of observations, as machine code."""
     actor = policy.actor
     centre, scale = observed.numbers(len(settings.world.groups))
     if _blind(settings):

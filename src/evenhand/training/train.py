@@ -24,8 +24,6 @@ from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import floor_plan, serve_people
 from evenhand.restaurant.simulation import serve
-from evenhand.restaurant.simulation.engines import takes_networks
-from evenhand.restaurant.simulation.native import Network
 from evenhand.restaurant.simulation.recording import Recording, renumbered
 from evenhand.training import advantages, imitation, reflection_gradients
 from evenhand.training.epoch import epoch_of
@@ -91,10 +89,9 @@ def robot(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
     return lambda seen, _: probability(view(settings, seen))
 
 
-def acting(settings: TrainSettings, policy: ActorCritic) -> serve.Robot | Network:
-    """The same as machine code where that can be had."""
-    plain = takes_networks() and of_networks(policy)
-    return as_network(settings, policy) if plain else robot(settings, policy)
+def acting(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
+    """The same as machine code where it is a network."""
+    return as_network(settings, policy) if of_networks(policy) else robot(settings, policy)
 
 
 def stream(settings: TrainSettings) -> np.random.Generator:

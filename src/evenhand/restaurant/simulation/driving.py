@@ -7,23 +7,12 @@ are rows of structured arrays, whose fields are described where they are made (`
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
 from evenhand.core.machine_code import Records, compiled, compiled_apart
-
-Network = tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], np.ndarray, np.ndarray, bool]
-"""Numbers of a policy; see ``forward``."""
-Engine = Arrays = Numbers = tuple[Any, ...]
-"""See ``serve``."""
-STEP, SET_STATE = "evenhand_mj_step", "evenhand_mj_setState"
-"""Names under which ``native`` makes MuJoCo's functions known."""
-_step: Any = types.ExternalFunction(STEP, types.void(types.intp, types.intp))
-_set_state: Any = types.ExternalFunction(
-    SET_STATE, types.void(types.intp, types.intp, types.intp, types.int32)
-)
 
 _FRONT = np.cos(np.deg2rad(55.0))
 """As in ``route``."""
@@ -32,6 +21,130 @@ _REACHED = 0.20
 _YAW_GAIN, _YAW_SPEED = 6.0, 3.0
 _APPROACH_GAIN = 4.0
 """Metres per second for each metre that is left; low enough not to overshoot between decisions."""
+
+
+class Simulation(NamedTuple):
+    """One simulation of MuJoCo; arrays are views of what it holds.
+
+    Attributes:
+        model: address.
+        data: address.
+        spec: which state ``Services.state`` is.
+        geoms: of the guests' footprints, int [12].
+        place: of all geoms, metres, written, [G, 3].
+        size: of all geoms, metres, written, [G, 3].
+        pose: of the robot, [1, 3].
+        command: of the servos, written, [1, 3].
+        person: place of the person by the distance sensor, [1, 2].
+        timer: seconds, [1].
+        contacts: how many there are, [1].
+    """
+
+    model: int
+    data: int
+    spec: int
+    geoms: np.ndarray
+    place: np.ndarray
+    size: np.ndarray
+    pose: np.ndarray
+    command: np.ndarray
+    person: np.ndarray
+    timer: np.ndarray
+    contacts: np.ndarray
+
+
+class Services(NamedTuple):
+    """N services of at most L decisions that are drawn; see ``world.Rows``.
+
+    Attributes:
+        state: at the beginning, [N, nstate].
+        place: of the guests, [N, 12, 2].
+        radius: of the guests, [N, 12].
+        uniform: decides on every action, [N, L].
+        noise: of every reading, [N, L + 1], see ``read``.
+        truth: ``world.TRUTH``, [N], written.
+        perceived: ``lanes.PERCEIVED``, [N], written.
+    """
+
+    state: np.ndarray
+    place: np.ndarray
+    radius: np.ndarray
+    uniform: np.ndarray
+    noise: np.ndarray
+    truth: Records
+    perceived: Records
+
+
+class Pace(NamedTuple):
+    """When and how fast things happen in the task.
+
+    Attributes:
+        interval: physics steps between decisions.
+        steered: physics steps between commands.
+        max_steps: of a service.
+        timestep: seconds of a physics step.
+        top_speed: see ``steer``.
+        brake: see ``steer``.
+        units: see ``task.observe``.
+        limit: see ``task.observe``.
+    """
+
+    interval: int
+    steered: int
+    max_steps: int
+    timestep: float
+    top_speed: float
+    brake: float
+    units: tuple[float, float, float]
+    limit: float
+
+
+class Kept(NamedTuple):
+    """What is written down while N services of at most L decisions run; see ``serve.Services``.
+
+    Attributes:
+        observation: float32 [N, L, O].
+        action: int32 [N, L].
+        mask: float32 [N, L].
+        pose: of the robot at every decision and at a time-out, [N, L + 1, 3]; [0, L + 1, 3] where
+            it is not recorded.
+    """
+
+    observation: np.ndarray
+    action: np.ndarray
+    mask: np.ndarray
+    pose: np.ndarray
+
+
+class Network(NamedTuple):
+    """A multilayer perceptron of two actions, walk and respond; all numbers are float32.
+
+    It is a ``serve.Robot`` that any number of threads can ask. Its sums are in another order than
+    NumPy's: where a probability and a random number differ in their last bits only, a decision can
+    differ.
+
+    Attributes:
+        weights: one matrix per layer, [inputs, outputs]; the last has two outputs.
+        biases: one vector per layer, [outputs].
+        centre: what is subtracted from an observation, [O].
+        scale: what it is then multiplied by, [O].
+        relu: the activation of the hidden layers; else tanh.
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    centre: np.ndarray
+    scale: np.ndarray
+    relu: bool
+
+    def __call__(self, observation: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Probability of responding now, [n].
+
+        Args:
+            observation: float32 [n, O].
+            rows: not used.
+        """
+        return probability(observation, self)
 
 
 @compiled
@@ -140,6 +253,52 @@ def answer(ids: np.ndarray, truth: Records) -> None:
 
 
 @compiled
+def decide(
+    ids: np.ndarray,
+    rows: np.ndarray,
+    k: int,
+    seen: np.ndarray,
+    chance: np.ndarray,
+    uniform: np.ndarray,
+    kept: Kept,
+    pose: np.ndarray,
+    truth: Records,
+) -> np.ndarray:
+    """Who responds and who walks at the k-th decision.
+
+    Args:
+        ids: lanes, int [n].
+        rows: their services, int [n].
+        k: number of the decision.
+        seen: observations, float32 [n, O].
+        chance: of a response, [n].
+        uniform: random numbers, one for each decision of each service, [N, L].
+        kept: what is written down.
+        pose: of the robots, [lanes, 3].
+        truth: ``world.TRUTH``, [lanes]; responses are written.
+
+    Returns:
+        Lanes that walk, int [m].
+    """
+    walks = np.empty_like(ids)
+    m = 0
+    for n, i in enumerate(ids):
+        row = rows[n]
+        answers = uniform[row, k] < chance[n]
+        kept.observation[row, k] = seen[n]
+        kept.action[row, k] = answers
+        kept.mask[row, k] = 1.0
+        if len(kept.pose):
+            kept.pose[row, k] = pose[i]
+        if answers:
+            answer(ids[n : n + 1], truth)
+        else:
+            walks[m] = i
+            m += 1
+    return walks[:m]
+
+
+@compiled
 def read(
     ids: np.ndarray,
     seen: np.ndarray,
@@ -218,15 +377,32 @@ def _observe(
 
 
 @compiled
-def forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
-    """Probability of the second of two actions by a multilayer perceptron.
+def probability(observation: np.ndarray, network: Network) -> np.ndarray:
+    """Of the second action, [n].
 
     Args:
-        seen: observation, float32 [O].
-        network: weights and biases of every layer, what is taken from an observation and what it
-            is then multiplied by, and whether the activation is relu; else it is tanh.
-        wide: float32 [2, W], room for the values of the widest layer, written.
+        observation: float32 [n, O].
+        network: who decides.
     """
+    out = np.empty(len(observation))
+    wide = np.empty((2, _widest(network)), np.float32)
+    for row, seen in enumerate(observation):
+        out[row] = _forward(seen, network, wide)
+    return out
+
+
+@compiled
+def _widest(network: Network) -> int:
+    """Numbers of the widest layer."""
+    widest = 0
+    for weight in network.weights:
+        widest = max(widest, weight.shape[0])
+    return widest
+
+
+@compiled
+def _forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
+    """Probability of the second action; ``wide`` is room for two layers."""
     weights, biases, centre, scale, relu = network
     last = len(weights) - 1
     at, to = wide[0], wide[1]
@@ -260,67 +436,60 @@ def forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
 
 @compiled_apart
 def serve(
-    i: int,
-    engine: Engine,
-    lanes: Arrays,
+    ids: np.ndarray,
+    step: Callable[[int, int], None],
+    set_state: Callable[[int, int, int, Any], None],
+    simulation: Simulation,
+    services: Services,
     network: Network,
-    wide: np.ndarray,
-    kept: Arrays,
-    numbers: Numbers,
+    pace: Pace,
+    kept: Kept,
 ) -> None:
-    """One service from its beginning to its end.
+    """Services from their beginning to their end, one after the other.
 
     Args:
-        i: which, of n.
-        engine: addresses of a model and a data of MuJoCo, the state of one that is fresh and what
-            of the data that is, the geoms of the guests [12]; then places and sizes of geoms, pose
-            of the robot, command, place of the person by the sensor, timer, and how many contacts
-            there are, all of them written.
-        lanes: places [n, 12, 2] and radii [n, 12] of the guests, noise of readings [n, K]; truth
-            and perceived [n], pose at the beginning [n, 3], command [n, 3], place of the person by
-            the sensor [n, 2] and timer [n], all of them written.
-        network: see ``forward``.
-        wide: see ``forward``.
-        kept: uniform [n, L], and written observation [n, L, O], action [n, L], mask [n, L], and
-            the pose at every decision [n, L + 1, 3], or nothing, [0, 0, 3].
-        numbers: physics steps between decisions and between commands, and of a service; seconds of
-            a step; top speed and brake of ``steer``; units and limit of ``observe``.
+        ids: which, int [k].
+        step: ``mj_step``, with addresses as arguments.
+        set_state: ``mj_setState``, likewise.
+        simulation: where they run.
+        services: all that are drawn.
+        network: who serves.
+        pace: of the task.
+        kept: what is written down.
     """
-    model, data, fresh, spec, geoms, places, sizes, qpos, ctrl, place, timer, contacts = engine
-    guests, radius, noise, truth, perceived, pose, command, sensed, clock = lanes
-    uniform, observation, action, mask, seen = kept
-    interval, steered, most, timestep, top_speed, brake, units, limit = numbers
-    _set_state(model, data, fresh.ctypes.data, spec)
-    qpos[:] = pose[i]
-    for guest, geom in enumerate(geoms):
-        places[geom, 0], places[geom, 1] = guests[i, guest, 0], guests[i, guest, 1]
-        sizes[geom, 0] = radius[i, guest]
-    ids = np.full(1, i)
-    poses, touched = np.empty((1, steered, 3)), np.empty((1, steered))
-    known = perceived[i]
-    for k in range(uniform.shape[1]):
-        now = observation[i, k]
-        _observe(known.one_hot, known.reading, known.steps, known.age, units, limit, now)
-        mask[i, k] = 1.0
-        if len(seen):
-            seen[i, k] = qpos
-        if uniform[i, k] < forward(now, network, wide):
-            action[i, k] = 1
-            answer(ids, truth)
-            return
-        for first in range(0, interval, steered):
-            pose[i] = qpos
-            follow(ids, pose, truth, command, top_speed, brake)
-            ctrl[:] = command[i]
-            steps = min(steered, interval - first)
-            for s in range(steps):
-                _step(model, data)
-                poses[0, s] = qpos
-                touched[0, s] = contacts[0]
-            track(ids, poses[:, :steps], touched[:, :steps], truth)
-        sensed[i, 0], sensed[i, 1] = place[0], place[1]
-        clock[i] = timer[0]
-        if read(ids, sensed, clock, noise, perceived, timestep, interval, most)[0]:
-            if len(seen):
-                seen[i, k + 1] = qpos
-            return
+    one, wide = np.zeros(1, np.int64), np.empty((2, _widest(network)), np.float32)
+    poses, contacts = np.empty((1, pace.steered, 3)), np.empty((1, pace.steered))
+    pose, model, data = simulation.pose, simulation.model, simulation.data
+    for i in ids:
+        set_state(model, data, services.state[i].ctypes.data, np.int32(simulation.spec))
+        for guest, geom in enumerate(simulation.geoms):
+            simulation.place[geom, :2] = services.place[i, guest]
+            simulation.size[geom, 0] = services.radius[i, guest]
+        truth, perceived = services.truth[i : i + 1], services.perceived[i : i + 1]
+        noise, known = services.noise[i : i + 1], perceived[0]
+        for k in range(services.uniform.shape[1]):
+            seen = kept.observation[i, k]
+            _observe(
+                known.one_hot, known.reading, known.steps, known.age, pace.units, pace.limit, seen
+            )
+            kept.mask[i, k] = 1.0
+            if len(kept.pose):
+                kept.pose[i, k] = pose[0]
+            if services.uniform[i, k] < _forward(seen, network, wide):
+                kept.action[i, k] = 1
+                answer(one, truth)
+                break
+            for first in range(0, pace.interval, pace.steered):
+                follow(one, pose, truth, simulation.command, pace.top_speed, pace.brake)
+                steps = min(pace.steered, pace.interval - first)
+                for s in range(steps):
+                    step(model, data)
+                    poses[0, s] = pose[0]
+                    contacts[0, s] = simulation.contacts[0]
+                track(one, poses[:, :steps], contacts[:, :steps], truth)
+            over = read(
+                one, simulation.person, simulation.timer, noise, perceived,
+                pace.timestep, pace.interval, pace.max_steps,
+            )  # fmt: skip
+            if over[0] and len(kept.pose):
+                kept.pose[i, k + 1] = pose[0]

@@ -1,4 +1,4 @@
-"""Compiled loops over lanes: who decides what, what a service was worth, how services begin.
+"""Compiled loops over lanes: who does what, what a service was worth, how services begin.
 
 Lanes are rows of structured arrays, whose fields are described where they are made
 (``world.TRUTH``, ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
@@ -44,48 +44,6 @@ def sort_out(actions: np.ndarray, idle: np.ndarray) -> tuple[bool, np.ndarray, n
             walks[w] = i
             w += 1
     return True, responds[:r], walks[:w]
-
-
-@compiled
-def decide(
-    ids: np.ndarray,
-    rows: np.ndarray,
-    k: int,
-    seen: np.ndarray,
-    chance: np.ndarray,
-    uniform: np.ndarray,
-    kept: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Who responds and who walks at the k-th decision; it is kept.
-
-    Args:
-        ids: lanes, int [n].
-        rows: their services, int [n].
-        k: number of the decision.
-        seen: observations, float32 [n, O].
-        chance: of a response, [n].
-        uniform: random numbers, one for each decision of each service, [N, L].
-        kept: observation [N, L, O], action [N, L] and mask [N, L], written.
-
-    Returns:
-        Lanes that respond, and lanes that walk.
-    """
-    n = len(ids)
-    responds, walks = np.empty(n, np.int64), np.empty(n, np.int64)
-    r = w = 0
-    for i in range(n):
-        row = rows[i]
-        answers = uniform[row, k] < chance[i]
-        kept[0][row, k] = seen[i]
-        kept[1][row, k] = answers
-        kept[2][row, k] = 1.0
-        if answers:
-            responds[r] = ids[i]
-            r += 1
-        else:
-            walks[w] = ids[i]
-            w += 1
-    return responds[:r], walks[:w]
 
 
 @compiled

@@ -7,14 +7,14 @@ and a scripted robot are the same here. Most callers want ``restaurant.serve_peo
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import kernels, layout, recording, task
-from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes
+from evenhand.restaurant.simulation import driving, layout, recording, task
+from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes, facts_of
 from evenhand.restaurant.simulation.recording import Recording
 
 Robot = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -95,74 +95,52 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
         drawn: N services.
         robot: who serves.
         recorded: keep what was to be seen.
+
+    Raises:
+        RuntimeError: when a simulation became unstable.
     """
+    kept = empty(drawn, recorded=recorded)
+    world, parts = lanes.world, []
     total, length = drawn.uniform.shape
-    kept = Kept.empty(drawn, recorded=recorded)
-    pose = kept.pose
-    arrays = (kept.observation, kept.action, kept.mask)
-    parts = []
     for first in range(0, total, lanes.n):
-        ids = active = np.arange(min(lanes.n, total - first))
+        every = ids = np.arange(min(lanes.n, total - first))
         lanes.begin(ids, drawn.beginning, ids + first)
         for k in range(length):
-            known = lanes.observe(active)
-            row = active + first
-            if pose is not None:
-                pose[row, k] = lanes.world.state[active]
-            responding, active = kernels.decide(
-                active, row, k, known, robot(known, row), drawn.uniform, arrays
+            rows, seen = ids + first, lanes.observe(ids)
+            chance = robot(seen, rows)
+            ids = driving.decide(
+                ids, rows, k, seen, chance, drawn.uniform, kept, world.state, world.truth
             )
-            lanes.respond(responding)
-            if len(active):
-                over = lanes.walk(active)
-                if over.any():
-                    if pose is not None:
-                        pose[active[over] + first, k + 1] = lanes.world.state[active[over]]
-                    active = active[~over]
-            if not len(active):
+            if not len(ids):
                 break
-        parts.append(lanes.facts(ids))
-    facts = Facts(
-        **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Facts)}
+            lanes.walk(ids)
+        if len(kept.pose):  # of those who ran out of time
+            kept.pose[ids + first, length] = world.state[ids]
+        world.check()
+        parts.append((world.truth[every], lanes.perceived[every]))
+    truth, perceived = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return services(drawn, facts_of(truth, perceived), kept, lanes.settings)
+
+
+def empty(drawn: Drawn, *, recorded: bool) -> driving.Kept:
+    """What will be written down of services that have been drawn."""
+    total, length = drawn.uniform.shape
+    size = task.observation_size(drawn.setups.one_hot.shape[1])
+    return driving.Kept(
+        np.zeros((total, length, size), np.float32),
+        np.zeros((total, length), np.int32),
+        np.zeros((total, length), np.float32),
+        np.full((total if recorded else 0, length + 1, 3), np.nan),
     )
-    return kept.services(drawn.setups, facts, lanes.settings)
 
 
-@dataclass(frozen=True)
-class Kept:
-    """What is written down while N services run; see ``Services``.
-
-    Attributes:
-        observation: float32 [N, L, G + 3].
-        action: int32 [N, L].
-        mask: float32 [N, L].
-        pose: of the robot at every decision and at a time-out, [N, L + 1, 3], if it is recorded.
-    """
-
-    observation: np.ndarray
-    action: np.ndarray
-    mask: np.ndarray
-    pose: np.ndarray | None
-
-    @classmethod
-    def empty(cls, drawn: Drawn, *, recorded: bool) -> Kept:
-        """Before N services of L decisions at most."""
-        total, length = drawn.uniform.shape
-        size = task.observation_size(drawn.setups.one_hot.shape[1])
-        return cls(
-            np.zeros((total, length, size), np.float32),
-            np.zeros((total, length), np.int32),
-            np.zeros((total, length), np.float32),
-            np.full((total, length + 1, 3), np.nan) if recorded else None,
-        )
-
-    def services(
-        self, setups: layout.Setups, facts: Facts, settings: task.TaskSettings
-    ) -> Services:
-        """Once they have ended."""
-        seen = None
-        if self.pose is not None:
-            sensed = self.observation[:, :, task.DISTANCE] * task.DISTANCE_UNIT
-            sensed = np.where(self.mask == 1.0, sensed, np.nan)
-            seen = recording.make(setups, self.pose, sensed, settings.interval)
-        return Services(facts, setups.codes, self.observation, self.action, self.mask, seen)
+def services(
+    drawn: Drawn, facts: Facts, kept: driving.Kept, settings: task.TaskSettings
+) -> Services:
+    """What was written down, once the services have ended."""
+    seen = None
+    if len(kept.pose):
+        sensed = kept.observation[:, :, task.DISTANCE] * task.DISTANCE_UNIT
+        sensed = np.where(kept.mask == 1.0, sensed, np.nan)
+        seen = recording.make(drawn.setups, kept.pose, sensed, settings.interval)
+    return Services(facts, drawn.setups.codes, kept.observation, kept.action, kept.mask, seen)

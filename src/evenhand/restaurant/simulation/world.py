@@ -18,7 +18,7 @@ from evenhand.core.errors import whole
 from evenhand.core.processors import THREADS
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.scenarios import needs
-from evenhand.restaurant.simulation import driving, kernels, layout, mujoco_library, route, scene
+from evenhand.restaurant.simulation import clock, driving, kernels, layout, route, scene
 
 STEERED = 5
 """Physics steps between two commands of the drive, whatever the interval of decisions."""
@@ -195,11 +195,20 @@ class World:
                 floor_plan.MAX_ACCELERATION,
             )
             # recorded after every physics step, so that no moment of coming close is missed
-            with mujoco_library.untimed():
+            with clock.untimed():
                 seen = self._batch.rollout(
                     min(STEERED, steps - first), record=("qpos", "ncon"), ids=ids
                 )
             driving.track(moving, seen["qpos"], seen["ncon"], self.truth)
+
+    def check(self) -> None:
+        """Whether all simulations are in order.
+
+        Raises:
+            RuntimeError: when one became unstable.
+        """
+        if self._batch.warning.any():
+            raise RuntimeError("a simulation became unstable")
 
 
 def simulation_of(setups: layout.Setups, row: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -1,4 +1,4 @@
-"""Services as machine code come out as they do when Python is asked at every decision."""
+"""Services as machine code come out as when Python is asked at every decision."""
 
 from dataclasses import fields, replace
 
@@ -8,7 +8,8 @@ import pytest
 
 from evenhand.methods import detector_file
 from evenhand.restaurant.scenarios import needs, sensing
-from evenhand.restaurant.simulation import driving, layout, native, route, scene, serve, task
+from evenhand.restaurant.simulation import driving, engine, layout, route, scene, serve, task
+from evenhand.restaurant.simulation.engine import Engine
 from evenhand.restaurant.simulation.lanes import Lanes
 from evenhand.restaurant.simulation.recording import Recording
 from evenhand.training import train
@@ -51,8 +52,8 @@ def both(
     slow = serve.run(
         lanes, ahead, lambda seen, _: actor.probability(view(settings, seen)), recorded=True
     )
-    engines = native.Engines(len(setups), threads)
-    fast = engines.run(ahead, as_network(settings, made), decide, recorded=True)
+    network = as_network(settings, made)
+    fast = Engine(decide, len(setups), task.N_GROUPS, threads).run(ahead, network, recorded=True)
     return slow, fast
 
 
@@ -121,9 +122,7 @@ def test_the_network_says_what_the_actor_says(activation):
     network = as_network(SETTINGS, made)
     seen = np.random.default_rng(0).uniform(0, 2, (300, task.OBSERVATION_SIZE)).astype(np.float32)
     seen[0], seen[1] = 1e3, -1e3  # saturated
-    numbers = (network.weights, network.biases, network.centre, network.scale, network.relu)
-    wide = np.empty((2, 64), np.float32)
-    said = [driving.forward(one, numbers, wide) for one in seen]
+    said = network(seen, np.arange(len(seen)))
     wanted = Actor(made).probability(view(SETTINGS, seen))
     np.testing.assert_allclose(said, wanted, atol=2e-6)
 
@@ -137,10 +136,12 @@ def test_a_simulation_that_breaks_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where one stands
     lanes = Lanes(4, task.TaskSettings())
     ahead = serve.draw(lanes, drawn(4, 1), np.random.default_rng(0), sensing.SenseSettings())
-    ahead.setups.start[2] = np.nan
-    engines = native.Engines(4, 2)
+    ahead.beginning.rows.state[2] = np.nan
+    network = as_network(SETTINGS, policy())
     with pytest.raises(RuntimeError, match="unstable"):
-        engines.run(ahead, as_network(SETTINGS, policy()), task.TaskSettings())
+        Engine(task.TaskSettings(), 4, task.N_GROUPS, 2).run(ahead, network)
+    with pytest.raises(RuntimeError, match="unstable"):
+        serve.run(lanes, ahead, network)
 
 
 def test_training_is_the_same_where_the_functions_are_not_found(monkeypatch):
@@ -151,8 +152,14 @@ def test_training_is_the_same_where_the_functions_are_not_found(monkeypatch):
         return [np.asarray(w) for w in last.state.policy.actor.weights]
 
     quick = weights()
-    monkeypatch.setattr(native, "found", lambda: False)
+    assert engine.found() is not None
+    monkeypatch.setattr(engine, "found", lambda: None)
     for ours, theirs in zip(quick, weights(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    with pytest.raises(RuntimeError, match="could not be found"):
-        native.Engines(2, 1)
+
+
+def test_where_there_is_no_library_nothing_is_found(monkeypatch, tmp_path):
+    monkeypatch.setattr(engine.mujoco, "__file__", str(tmp_path / "__init__.py"))
+    assert engine.found.__wrapped__() is None
+    (tmp_path / "libmujoco.so").write_text("no library")
+    assert engine.found.__wrapped__() is None
