@@ -10,7 +10,8 @@ from evenhand.core.errors import InputError
 from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper import rewards, scores
 from evenhand.methods.paper.detector import WindowVerdict
-from evenhand.methods.paper.rewards import TAU, Penalty, Score, check_tau, evenness_reward
+from evenhand.methods.paper.rewards import TAU, check_tau, evenness_reward
+from evenhand.methods.printed import Penalty, Score
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
