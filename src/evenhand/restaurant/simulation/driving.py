@@ -24,96 +24,53 @@ _APPROACH_GAIN = 4.0
 
 
 class Simulation(NamedTuple):
-    """One simulation of MuJoCo; arrays are views of what it holds.
+    """One simulation of MuJoCo; arrays are views of what it holds."""
 
-    Attributes:
-        model: address.
-        data: address.
-        spec: which state ``Services.state`` is.
-        geoms: of the guests' footprints, int [12].
-        place: of all geoms, metres, written, [G, 3].
-        size: of all geoms, metres, written, [G, 3].
-        pose: of the robot, [1, 3].
-        command: of the servos, written, [1, 3].
-        person: place of the person by the distance sensor, [1, 2].
-        timer: seconds, [1].
-        contacts: how many there are, [1].
-    """
-
-    model: int
-    data: int
-    spec: int
-    geoms: np.ndarray
-    place: np.ndarray
-    size: np.ndarray
-    pose: np.ndarray
-    command: np.ndarray
-    person: np.ndarray
-    timer: np.ndarray
-    contacts: np.ndarray
+    model: int  # address
+    data: int  # address
+    spec: int  # which state ``Services.state`` is
+    geoms: np.ndarray  # footprints of the guests among all geoms, int [12]
+    place: np.ndarray  # of all geoms, metres, written, [geoms, 3]
+    size: np.ndarray  # of all geoms, metres, written, [geoms, 3]
+    pose: np.ndarray  # of the robot, [1, 3]
+    command: np.ndarray  # of the servos, written, [1, 3]
+    person: np.ndarray  # place of the person by the distance sensor, [1, 2]
+    timer: np.ndarray  # seconds, [1]
+    contacts: np.ndarray  # how many there are, [1]
 
 
 class Services(NamedTuple):
-    """N services of at most L decisions that are drawn; see ``world.Rows``.
+    """N services of at most L decisions that are drawn; see ``lanes.Beginning``."""
 
-    Attributes:
-        state: at the beginning, [N, nstate].
-        place: of the guests, [N, 12, 2].
-        radius: of the guests, [N, 12].
-        uniform: decides on every action, [N, L].
-        noise: of every reading, [N, L + 1], see ``read``.
-        truth: ``world.TRUTH``, [N], written.
-        perceived: ``lanes.PERCEIVED``, [N], written.
-    """
-
-    state: np.ndarray
-    place: np.ndarray
-    radius: np.ndarray
-    uniform: np.ndarray
-    noise: np.ndarray
-    truth: Records
-    perceived: Records
+    state: np.ndarray  # of a simulation, [N, nstate]
+    place: np.ndarray  # of the guests, metres, [N, 12, 2]
+    radius: np.ndarray  # of the guests, metres, [N, 12]
+    uniform: np.ndarray  # decides on every action, [N, L]
+    noise: np.ndarray  # of every reading, see ``read``, [N, L + 1]
+    truth: Records  # ``world.TRUTH``, written, [N]
+    perceived: Records  # ``lanes.PERCEIVED``, written, [N]
 
 
 class Pace(NamedTuple):
-    """When and how fast things happen in the task.
+    """When and how fast things happen in the task."""
 
-    Attributes:
-        interval: physics steps between decisions.
-        steered: physics steps between commands.
-        max_steps: of a service.
-        timestep: seconds of a physics step.
-        top_speed: see ``steer``.
-        brake: see ``steer``.
-        units: see ``task.observe``.
-        limit: see ``task.observe``.
-    """
-
-    interval: int
-    steered: int
-    max_steps: int
-    timestep: float
-    top_speed: float
-    brake: float
-    units: tuple[float, float, float]
-    limit: float
+    interval: int  # physics steps between decisions
+    steered: int  # physics steps between commands
+    max_steps: int  # physics steps of a service
+    timestep: float  # seconds of a physics step
+    top_speed: float  # see ``steer``
+    brake: float  # see ``steer``
+    units: tuple[float, float, float]  # see ``task.observe``
+    limit: float  # see ``task.observe``
 
 
 class Kept(NamedTuple):
-    """What is written down while N services of at most L decisions run; see ``serve.Services``.
+    """What is written down of N services of at most L decisions; see ``serve.Services``."""
 
-    Attributes:
-        observation: float32 [N, L, O].
-        action: int32 [N, L].
-        mask: float32 [N, L].
-        pose: of the robot at every decision and at a time-out, [N, L + 1, 3]; [0, L + 1, 3] where
-            it is not recorded.
-    """
-
-    observation: np.ndarray
-    action: np.ndarray
-    mask: np.ndarray
-    pose: np.ndarray
+    observation: np.ndarray  # float32 [N, L, O]
+    action: np.ndarray  # int32 [N, L]
+    mask: np.ndarray  # float32 [N, L]
+    pose: np.ndarray  # at every decision and a time-out, [N, L + 1, 3]; [0, L + 1, 3]: unrecorded
 
 
 class Network(NamedTuple):
@@ -352,60 +309,33 @@ def observe(
     limit: float,
 ) -> np.ndarray:
     """What a network takes of these lanes; see ``task.observe``."""
-    out = np.empty((len(ids), one_hot.shape[1] + 3), np.float32)
+    groups = one_hot.shape[1]
+    out = np.empty((len(ids), groups + 3), np.float32)
     for row, i in enumerate(ids):
-        _observe(one_hot[i], distance[i], steps[i], age[i], units, limit, out[row])
+        out[row, :groups] = one_hot[i]
+        out[row, groups] = min(distance[i] / units[0], limit)
+        out[row, groups + 1] = steps[i] / units[1]
+        out[row, groups + 2] = min(age[i] / units[2], 1.0)
     return out
-
-
-@compiled
-def _observe(
-    one_hot: np.ndarray,
-    distance: Any,
-    steps: Any,
-    age: Any,
-    units: tuple[float, float, float],
-    limit: float,
-    out: np.ndarray,
-) -> None:
-    groups = len(one_hot)
-    for g in range(groups):
-        out[g] = one_hot[g]
-    out[groups] = min(distance / units[0], limit)
-    out[groups + 1] = steps / units[1]
-    out[groups + 2] = min(age / units[2], 1.0)
 
 
 @compiled
 def probability(observation: np.ndarray, network: Network) -> np.ndarray:
-    """Of the second action, [n].
-
-    Args:
-        observation: float32 [n, O].
-        network: who decides.
-    """
+    """Of the second action, [n], for observations float32 [n, O]."""
     out = np.empty(len(observation))
-    wide = np.empty((2, _widest(network)), np.float32)
     for row, seen in enumerate(observation):
-        out[row] = _forward(seen, network, wide)
+        out[row] = _forward(seen, network)
     return out
 
 
 @compiled
-def _widest(network: Network) -> int:
-    """Numbers of the widest layer."""
-    widest = 0
-    for weight in network.weights:
-        widest = max(widest, weight.shape[0])
-    return widest
-
-
-@compiled
-def _forward(seen: np.ndarray, network: Network, wide: np.ndarray) -> float:
-    """Probability of the second action; ``wide`` is room for two layers."""
+def _forward(seen: np.ndarray, network: Network) -> float:
+    """Probability of the second action."""
     weights, biases, centre, scale, relu = network
-    last = len(weights) - 1
-    at, to = wide[0], wide[1]
+    last, widest = len(weights) - 1, 0
+    for weight in weights:
+        widest = max(widest, weight.shape[0])
+    at, to = np.empty(widest, np.float32), np.empty(widest, np.float32)
     for i in range(len(seen)):
         at[i] = (seen[i] - centre[i]) * scale[i]
     for layer in range(last):
@@ -457,7 +387,7 @@ def serve(
         pace: of the task.
         kept: what is written down.
     """
-    one, wide = np.zeros(1, np.int64), np.empty((2, _widest(network)), np.float32)
+    one = np.zeros(1, np.int64)
     poses, contacts = np.empty((1, pace.steered, 3)), np.empty((1, pace.steered))
     pose, model, data = simulation.pose, simulation.model, simulation.data
     for i in ids:
@@ -465,17 +395,17 @@ def serve(
         for guest, geom in enumerate(simulation.geoms):
             simulation.place[geom, :2] = services.place[i, guest]
             simulation.size[geom, 0] = services.radius[i, guest]
-        truth, perceived = services.truth[i : i + 1], services.perceived[i : i + 1]
-        noise, known = services.noise[i : i + 1], perceived[0]
+        truth, known = services.truth[i : i + 1], services.perceived[i : i + 1]
+        noise = services.noise[i : i + 1]
         for k in range(services.uniform.shape[1]):
-            seen = kept.observation[i, k]
-            _observe(
-                known.one_hot, known.reading, known.steps, known.age, pace.units, pace.limit, seen
-            )
+            seen = observe(
+                one, known.one_hot, known.reading, known.steps, known.age, pace.units, pace.limit
+            )[0]
+            kept.observation[i, k] = seen
             kept.mask[i, k] = 1.0
             if len(kept.pose):
                 kept.pose[i, k] = pose[0]
-            if services.uniform[i, k] < _forward(seen, network, wide):
+            if services.uniform[i, k] < _forward(seen, network):
                 kept.action[i, k] = 1
                 answer(one, truth)
                 break
@@ -488,7 +418,7 @@ def serve(
                     contacts[0, s] = simulation.contacts[0]
                 track(one, poses[:, :steps], contacts[:, :steps], truth)
             over = read(
-                one, simulation.person, simulation.timer, noise, perceived,
+                one, simulation.person, simulation.timer, noise, known,
                 pace.timestep, pace.interval, pace.max_steps,
             )  # fmt: skip
             if over[0] and len(kept.pose):
