@@ -8,10 +8,10 @@ from hypothesis.extra import numpy as hnp
 
 from evenhand.core.errors import InputError
 from evenhand.methods.epoch import Epoch
-from evenhand.methods.paper import rewards, scores
+from evenhand.methods.paper import scores
 from evenhand.methods.paper.detector import WindowVerdict
 from evenhand.methods.paper.rewards import TAU, check_tau, evenness_reward
-from evenhand.methods.printed import Penalty, Score
+from evenhand.methods.printed import CREDITS, Penalty, Score
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
@@ -110,7 +110,7 @@ class TestPersonRewards:
     def test_an_epoch_pays_everybody_alike(self):
         np.testing.assert_allclose(paid(method=Penalty(credit="epoch")), [3.0, 3.0, 3.0])
 
-    @pytest.mark.parametrize("credit", rewards.CREDITS)
+    @pytest.mark.parametrize("credit", CREDITS)
     def test_equation_5_multiplies_when_biased(self, credit):
         method = Penalty(credit=credit, lam=0.25)
         fair = paid(method=method)

@@ -139,7 +139,7 @@ def test_weights_and_biases_knows_the_settings(interrupted):
     (told,) = (r.run for r in wandb_file.records(path) if r.WhichOneof("record_type") == "run")
     assert (told.project, told.display_name) == ("evenhand", "run")
     config = {item.key: json.loads(item.value_json) for item in told.config.update}
-    assert (config["epochs"], config["people"], config["guidance"]["kind"]) == (5, 4, "levelup")
+    assert (config["epochs"], config["people"], config["method"]["name"]) == (5, 4, "levelup")
 
 
 def test_the_mode_is_offline_whatever_the_environment_says(interrupted, tmp_path, monkeypatch):

@@ -161,7 +161,7 @@ def _check_free(name: str, kind: type) -> None:
     # a cell that is run again defines the same class again
     again = other and (other.__module__, other.__qualname__) == (kind.__module__, kind.__qualname__)
     if (other is not None and not again) or (name in BUILT_IN and kind.__module__ != module):
-        where = f"by {other.__module__}" if other is not None else "with Evenhand"
+        where = f"by {other.__module__}" if other and name not in BUILT_IN else "with Evenhand"
         raise InputError(f"method {name!r} is there already, {where}: choose another name")
 
 
