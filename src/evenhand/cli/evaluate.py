@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from evenhand.restaurant.worlds import World
 
 
+SCENARIO = scenario_help("That of the run's training, or even for a scripted robot.")
+
+
 @dataclass(frozen=True)
 class Evaluate:
     """Test a trained robot, or a scripted one, on people it never saw.
@@ -61,9 +64,9 @@ class Evaluate:
     seed: int = TEST_SEED
     """Of people, places and chances; take one that training has not used."""
 
-    scenario: Scenario = None
-    """Where people are served: even, prejudiced, perception, minority, tips, everyday.
-    Several are joined by a plus. That of the run's training, or even for a scripted robot."""
+    scenario: Annotated[
+        str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL, help=SCENARIO)
+    ] = None
 
     population: Population = None
     """Where people are drawn from; by default that of the scenario, or of the run's training."""

@@ -33,8 +33,29 @@ Plugin = Annotated[
         help_behavior_hint=OPTIONAL,
     ),
 ]
-Scenario = Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)]
 SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+
+
+def registered(module: str, names: str) -> str:
+    """Names of what can be chosen, with those that plugins have registered.
+
+    Args:
+        module: that holds the registry; imported only by plugins, since a help need not wait.
+        names: that Evenhand brings.
+    """
+    loaded = sys.modules.get(module)
+    return names if loaded is None else ", ".join(loaded.names())
+
+
+def scenario_help(otherwise: str = "") -> str:
+    """Help of an option that names a scenario."""
+    names = registered("evenhand.restaurant.worlds", SCENARIOS)
+    text = f"Where people are served: {names}.\nSeveral are joined by a plus: perception+tips."
+    return f"{text} {otherwise}".rstrip()
+
+
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
 
 
 def registered(module: str, names: str) -> str:

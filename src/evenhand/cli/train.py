@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL, Plugin
+from evenhand.cli.inputs import OPTIONAL, Plugin, registered, scenario_help
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.methods import registry
@@ -25,6 +25,10 @@ Ours, only with preset service. levelup: an issue costs more if it hits a worse-
 (recommended). influence: each service costs what it adds to the total issue score. surgery: the
 gradient towards evenness, without what conflicts with service.
 All names: {", ".join(registry.names())}."""
+
+
+POLICIES = f"""Which network serves: {registered("evenhand.training.policy", "mlp")}.
+Your own are registered by `evenhand.register_policy`, in a file that --plugin names."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +69,9 @@ class Train:
 
     plugin: Plugin = ()
 
-    scenario: Annotated[str, arg(metavar="NAME[+NAME]")] = "even"
-    """Where unevenness comes from: even, prejudiced, perception, minority, tips, everyday.
-    Several are joined by a plus: perception+tips."""
+    scenario: Annotated[str, arg(metavar="NAME[+NAME]", help=scenario_help())] = "even"
 
-    policy: Annotated[str, arg(metavar="NAME")] = "mlp"
-    """Which network serves: mlp, or one of your own (`evenhand.register_policy`)."""
+    policy: Annotated[str, arg(metavar="NAME", help=POLICIES)] = "mlp"
 
     tau: Annotated[str, arg(metavar="NAME|A,B,C,D")] = "equal"
     """Weights of willingness, quality, priority and risk in Eq. 4 and in self-reflection.

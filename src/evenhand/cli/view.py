@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from evenhand.cli import inputs, interrupts
-from evenhand.cli.inputs import OPTIONAL, Plugin, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Strength, scenario_help
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS
 
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from evenhand.restaurant.live.shift import Cast
 
 _PORTS = (1, 65535)
+
+
+SCENARIO = scenario_help("That of the run's training, or even for a scripted robot.")
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,9 @@ class View:
     For instance: evenhand view --robot ageist, or: evenhand view --run out/run --scenario tips
     """
 
-    scenario: Annotated[str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL)] = None
-    """Where people are served: even, prejudiced, perception, minority, tips, everyday.
-    Several are joined by a plus. That of the run's training, or even for a scripted robot."""
+    scenario: Annotated[
+        str | None, arg(metavar="NAME[+NAME]", help_behavior_hint=OPTIONAL, help=SCENARIO)
+    ] = None
 
     run_folder: Annotated[
         Path | None, arg(name="run", metavar="RUN", help_behavior_hint=OPTIONAL)

@@ -139,21 +139,24 @@ def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generato
         InputError: when it does not tell two probabilities and a value of an observation.
     """
     made = _POLICIES[settings.kind].make(obs_size, settings, rng)
+    if of_networks(made):
+        return made
     odd = [leaf for leaf in jax.tree.leaves(made) if not isinstance(leaf, jax.Array | np.ndarray)]
     if odd:
         raise InputError(
             f"policy {settings.kind!r} holds {odd[0]!r} among its weights: keep arrays there, and "
             "everything else in static fields (equinox.field(static=True))"
         )
-    seen = np.zeros((1, obs_size), np.float32)
+    seen = jax.ShapeDtypeStruct((1, obs_size), jnp.float32)
     try:
-        shapes = made.log_probabilities(seen).shape, made.value(seen).shape
+        found = jax.eval_shape(lambda p, x: (p.log_probabilities(x), p.value(x)), made, seen)
     except AttributeError as error:
         raise InputError(
-            f"policy {settings.kind!r}: what its function makes has no log_probabilities or no "
-            "value, which it needs"
+            f"policy {settings.kind!r}: what its function makes lacks log_probabilities or value "
+            f"({error})"
         ) from error
-    if shapes != ((1, 2), (1,)):
+    shapes = [one.shape for one in found]
+    if shapes != [(1, 2), (1,)]:
         raise InputError(
             f"policy {settings.kind!r} gives log_probabilities of shape {list(shapes[0])} and "
             f"value of shape {list(shapes[1])} for one observation: give [1, 2] and [1]"
