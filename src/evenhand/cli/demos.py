@@ -79,7 +79,7 @@ class Demos:
                 ("questionnaire", named),
                 ("questionnaire_issue", worst),
             ):
-                tables.write(out / f"{name}.csv", rows)
+                files.write_table(out / f"{name}.csv", rows)
         terminal.table(
             "Mean issue scores at full strength (simulated)",
             ("discrimination", "issue", "paper", "ours", "from", "to"),

@@ -85,7 +85,7 @@ class Evaluate:
         whole("threads", self.threads, *THREADS)
         if self.out is not None:
             inputs.check_target(self.out)
-        inputs.load_physics()
+        inputs.load_physics("sim" if self.run_folder is None else "train")
         from evenhand.core import terminal
         from evenhand.training import evaluate
 

@@ -7,7 +7,7 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
@@ -21,8 +21,13 @@ if TYPE_CHECKING:
 ENDINGS = (".parquet", ".csv")
 
 
-def load_physics() -> None:
-    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback."""
+def load_physics(extra: str = "sim") -> None:
+    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback.
+
+    Raises:
+        InputError: when the extra that the command needs, with MuJoCo in it, is not installed.
+    """
+    extras.require(extra, "this command")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         importlib.import_module("mujoco")
@@ -43,6 +48,7 @@ def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
     Raises:
         InputError: as ``learn.run.load_policy`` does.
     """
+    extras.require("train", "a trained policy")
     from evenhand.training import run_folder as run
     from evenhand.training.jax_setup import set_up_jax
 

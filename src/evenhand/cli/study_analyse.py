@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, whole
 
 if TYPE_CHECKING:
@@ -193,6 +193,8 @@ class StudySimulate:
             raise InputError("name either a file with --out or a server with --url")
         if self.pages and self.url is None:
             raise InputError("--pages needs a server: name it with --url")
+        if self.pages:
+            extras.require("pages", "--pages")
         from evenhand.study.analysis import answers
         from evenhand.study.design import protocol_file
         from evenhand.study.simulated import in_browser, over_http, participants

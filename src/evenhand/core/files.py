@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import json
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +44,40 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         # also after Ctrl-C; after a success there is nothing left to remove
         with contextlib.suppress(OSError):
             aside.unlink()
+
+
+def write_table(
+    path: str | os.PathLike[str],
+    rows: Iterable[Mapping[str, Any]],
+    columns: Sequence[str] | None = None,
+) -> None:
+    """Write rows as CSV, aside and renamed; None and NaN become empty cells.
+
+    Args:
+        path: of the file.
+        rows: cells by column.
+        columns: which, in order; by default those of the first row.
+
+    Raises:
+        InputError: when it cannot be written.
+    """
+    listed = list(rows)
+    names = list(columns or listed[0])
+    text = io.StringIO()
+    out = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
+    out.writeheader()
+    for row in listed:
+        out.writerow({name: _cell(row.get(name)) for name in names})
+    write_text(path, text.getvalue())
+
+
+def _cell(value: Any) -> Any:
+    value = value.item() if hasattr(value, "item") else value  # of NumPy
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return repr(value) if isinstance(value, float) else value
 
 
 def append_text(path: str | os.PathLike[str], text: str) -> None:

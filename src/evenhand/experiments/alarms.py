@@ -10,7 +10,6 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.experiments import alarms_figure
-from evenhand.experiments.paper import tables
 from evenhand.statistics.power import FalseAlarms, Power, false_alarms, power
 
 SIZES = (30, 120, 300, 1000)
@@ -46,8 +45,8 @@ def measure(
 def write(false: list[FalseAlarms], found: list[Power], seed: int, out: Path) -> list[Path]:
     """Write two tables and the figure; returns the files."""
     files.make_folder(out)
-    tables.write(out / "false_alarms.csv", [asdict(row) for row in false])
-    tables.write(out / "power.csv", [asdict(row) for row in found])
+    files.write_table(out / "false_alarms.csv", [asdict(row) for row in false])
+    files.write_table(out / "power.csv", [asdict(row) for row in found])
     svg, pdf = alarms_figure.draw(
         [asdict(row) for row in false], [asdict(row) for row in found], seed
     )

@@ -6,14 +6,12 @@ import numpy as np
 from scipy import stats
 
 from evenhand.core.errors import InputError
-from evenhand.experiments.paper.demonstrations import complete
 from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Interactions
 from evenhand.report.model_cards.robot import Mean, Trial
 from evenhand.statistics import detector_accuracy, verdicts
-from evenhand.training import evaluate
 
 
 def trial_of(table: Interactions, seed: int, population: str) -> Trial:
@@ -24,6 +22,8 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         seed: that they were drawn with; also of the permutations.
         population: where they were drawn from.
     """
+    from evenhand.training import evaluate
+
     windows = evaluate.window_scores(table)
     x, who = issues.indicators(table), issues.membership(table)
     good = evaluate.perfect(table)
@@ -75,7 +75,7 @@ def evaluation_of(
     Raises:
         InputError: when it was fitted to others.
     """
-    kept = complete(answers.issue_scores)
+    kept = detector.complete(answers.issue_scores)
     scores, biased = answers.issue_scores[kept], answers.biased[kept]
     kinds = [kind for kind, keep in zip(answers.kinds, kept, strict=True) if keep]
     asked = answers.respondents

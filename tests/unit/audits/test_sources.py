@@ -1,6 +1,8 @@
 """Every way a log can come in gives the same table."""
 
 import hashlib
+import subprocess
+import sys
 
 import duckdb
 import numpy as np
@@ -219,3 +221,32 @@ def test_a_long_query_draws_no_progress_into_what_a_command_says(capfd):
     engine.con.execute("set progress_bar_time = 0")
     assert engine.fetch("select count(*) from range(20_000_000)").num_rows == 1
     assert capfd.readouterr() == ("", "")
+
+
+KERNEL = """
+import sys, types
+
+shell = types.SimpleNamespace(config={"IPKernelApp": {}})
+python = types.ModuleType("IPython")
+python.get_ipython = lambda: shell
+sys.modules["IPython"] = python
+sys.modules["ipywidgets"] = None
+
+import duckdb
+import pyarrow as pa
+import evenhand
+
+try:
+    duckdb.connect().execute("set enable_progress_bar_print = false")
+except duckdb.InvalidInputException as error:
+    print("ipywidgets" in str(error))
+frame = pa.table({"gender": ["f", "m"] * 40, "responded": [True, False] * 40})
+print(evenhand.audit(frame).services)
+"""
+
+
+def test_a_frame_is_audited_in_a_notebook_without_ipywidgets():
+    """DuckDB knows a notebook by IPython's shell, and refuses there to set its progress bar."""
+    words = [sys.executable, "-c", KERNEL]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.stdout.split(), done.stderr) == (["True", "80"], "")

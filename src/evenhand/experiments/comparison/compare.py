@@ -30,10 +30,9 @@ from evenhand.experiments.comparison.settings import (
     method_of,
     place,
 )
-from evenhand.experiments.paper.tables import write
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.restaurant import worlds
-from evenhand.training import evaluate, run_folder, train
+from evenhand.training import epoch_log, evaluate, run_folder, train
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -98,9 +97,9 @@ def compare(
         found = finished(out, **fixed)
         results = known | {cell: done["test"] for cell, done in found.items()}
         summary = tables.summary(results)
-        write(out / "results.csv", tables.tidy(results), tables.RESULTS)
-        write(out / "summary.csv", summary, tables.SUMMARY)
-        write(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
+        files.write_table(out / "results.csv", tables.tidy(results), tables.RESULTS)
+        files.write_table(out / "summary.csv", summary, tables.SUMMARY)
+        files.write_table(out / "fronts.csv", tables.fronts(results), tables.FRONTS)
         manifest.write(
             out, settings, command, made, found, earlier,
             {arm: fingerprint_of(arm, settings.epochs) for arm in {c.arm for c in results}},
@@ -179,7 +178,7 @@ def learn_and_serve(
             progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
         )
         table = evaluate.serve_policy(state, settings, services, seed)
-        biased = sum(line["biased_detector"] for line in run_folder.read_epochs(folder))
+        biased = sum(line["biased_detector"] for line in epoch_log.read(folder))
     elif method == "reference":
         table = evaluate.serve_reference(settings.world, services, seed)
     else:

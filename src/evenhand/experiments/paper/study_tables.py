@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from evenhand.core import files
 from evenhand.core.processes import Task, Tell
 from evenhand.experiments.paper import corrected_detector, demonstrations, tables
 
@@ -33,7 +34,7 @@ def write(*, tell: Tell, data: Path, windows: int, seed: int) -> None:
         ("confusion", confusion),
         ("tsne", tables.tsne(shown, study, seed)),
     ):
-        tables.write(data / f"{name}.csv", rows)
+        files.write_table(data / f"{name}.csv", rows)
     compared = corrected_detector.side_by_side(shown, study, seed)
-    tables.write(data / "judges.csv", tables.judges(compared), tables.JUDGES_COLUMNS)
+    files.write_table(data / "judges.csv", tables.judges(compared), tables.JUDGES_COLUMNS)
     tell(0, {})

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from evenhand.core import files
 from evenhand.experiments.paper import demonstrations
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
+from evenhand.methods.paper.detector import complete
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import BIASES
@@ -40,26 +37,6 @@ REFLECTION_COLUMNS = (
 )  # fmt: skip
 _REFLECTED = ("projection", "cosine", "z", "alarm", "identity", "issue", "favoured")
 Row = dict[str, Any]
-
-
-def write(path: Path, rows: Iterable[Row], columns: Sequence[str] | None = None) -> None:
-    """Write rows as CSV, aside and renamed; None and NaN become empty cells."""
-    listed = list(rows)
-    names = list(columns or listed[0])
-    text = io.StringIO()
-    out = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
-    out.writeheader()
-    for row in listed:
-        out.writerow({name: _cell(row.get(name)) for name in names})
-    files.write_text(path, text.getvalue())
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, (bool, np.bool_)):
-        return "true" if value else "false"
-    if value is None or (isinstance(value, (float, np.floating)) and np.isnan(value)):
-        return ""
-    return repr(float(value)) if isinstance(value, (float, np.floating)) else value
 
 
 def mean_interval(values: np.ndarray, most: float = np.inf) -> tuple[float, float, float]:
@@ -266,7 +243,7 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
     """t-SNE of the judged scores in three dimensions."""
     from sklearn.manifold import TSNE
 
-    rows = np.flatnonzero(demonstrations.complete(study.seen))
+    rows = np.flatnonzero(complete(study.seen))
     seen = study.seen[rows]
     perplexity = min(30.0, (len(seen) - 1) / 3)
     placed = TSNE(

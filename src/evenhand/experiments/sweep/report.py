@@ -13,7 +13,7 @@ from evenhand.experiments import provenance
 from evenhand.experiments.comparison import page as comparison_page
 from evenhand.experiments.comparison import tables
 from evenhand.experiments.comparison.settings import place
-from evenhand.experiments.paper.tables import Row, write
+from evenhand.experiments.paper.tables import Row
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.experiments.sweep import page
 from evenhand.experiments.sweep.runs import row_of
@@ -40,7 +40,7 @@ def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seco
         workers: runs at the same time, and now pages.
         seconds: since the sweep began.
     """
-    write(out / "runs.csv", [_run(line) for line in lines], RUNS)
+    files.write_table(out / "runs.csv", [_run(line) for line in lines], RUNS)
     failed = [line for line in lines if line.failure is not None]
     _write_failures(out / "failures.txt", failed)
     by_variant: Variants = {}
@@ -58,7 +58,7 @@ def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seco
             "fronts": (tables.fronts(results), tables.FRONTS),
         }
         for name, (rows, columns) in made.items():
-            write(folder / f"{name}.csv", rows, columns)
+            files.write_table(folder / f"{name}.csv", rows, columns)
             gathered[name] += [{"variant": variant.name} | row for row in rows]
         files.write_json(folder / "manifest.json", noted | _variant(variant, own))
     for name, columns in (
@@ -66,7 +66,7 @@ def write_all(out: Path, lines: Sequence[Line], command: str, workers: int, seco
         ("summary", tables.SUMMARY),
         ("fronts", tables.FRONTS),
     ):
-        write(out / f"{name}.csv", gathered[name], ("variant", *columns))
+        files.write_table(out / f"{name}.csv", gathered[name], ("variant", *columns))
     run_all([_page(out, variant) for variant in by_variant], workers, lambda *_: None)
     files.write_json(
         out / "manifest.json",
