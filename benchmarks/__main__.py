@@ -13,6 +13,7 @@ from tyro.conf import arg
 
 from evenhand import cli
 from evenhand.cli import inputs
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 
 
@@ -119,10 +120,9 @@ class Bench:
         return self._shown(sweep.measure(), sweep.show)
 
     def _sb3(self) -> dict[str, Any]:
-        from evenhand.adapters import versions
 
         try:
-            versions.stable_baselines3()
+            extras.require("sb3", "this measurement")
         except InputError as error:
             if self.what == "sb3":
                 raise

@@ -23,8 +23,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from benchmarks import environment
-from evenhand.adapters import JudgeSettings, versions
+from evenhand.adapters import JudgeSettings
 from evenhand.adapters.restaurant import SCHEME, facts_of
+from evenhand.core import extras
 from evenhand.core import terminal as display
 from evenhand.core.errors import whole
 from evenhand.core.processes import Task, Tell, run_all
@@ -81,7 +82,7 @@ def measure(epochs: int = 300) -> dict[str, Any]:
         WorkerLostError: when a process died.
     """
     whole("epochs", epochs, 2, 1000)
-    versions.stable_baselines3()
+    extras.require("sb3", "this measurement")
     settings = settings_of("service", "ppo", "service", epochs=epochs)
     update = replace(settings.update, learning_rate=STILL, anneal_updates=None)
     settings = replace(settings, update=update, reflect=False)

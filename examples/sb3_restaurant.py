@@ -5,7 +5,7 @@ Some guests need another service: they notice a response only from nearby, or ne
 robots see whom they serve. One learns from service quality alone; of the other, level-up guidance
 makes issues of worse-off groups cost more. People are drawn and simulated. Run it with
 
-    pip install 'evenhand[sb3]'
+    pip install '.[sb3]'
     python examples/sb3_restaurant.py out/sb3
 
 and open ``out/sb3/report.html``. It takes some minutes; ``--quick`` takes one, and shows less.

@@ -51,7 +51,14 @@ __all__ = ["__version__", *_PUBLIC]  # pyright: ignore[reportUnsupportedDunderAl
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module 'evenhand' has no attribute {name!r}")
-    module = importlib.import_module(_PUBLIC[name])
+    try:
+        module = importlib.import_module(_PUBLIC[name])
+    except ModuleNotFoundError:
+        from evenhand.core import extras
+
+        learns = _PUBLIC[name].split(".")[1] in ("training", "experiments")
+        extras.require("train" if learns else "sim", f"evenhand.{name}")
+        raise
     return getattr(module, "load" if name == "load_detector" else name)
 
 

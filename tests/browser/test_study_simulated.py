@@ -103,8 +103,8 @@ def test_what_is_not_installed_is_named(monkeypatch, tmp_path):
     told = "need Chromium, and none can be started"
     with pytest.raises(InputError, match=told), in_browser.browser():
         pass
-    monkeypatch.setitem(sys.modules, "playwright.sync_api", None)
-    with pytest.raises(InputError, match=r"pip install 'evenhand\[pages\]'"), in_browser.browser():
+    monkeypatch.setitem(sys.modules, "playwright", None)
+    with pytest.raises(InputError, match=r"pip install '\.\[pages\]'"), in_browser.browser():
         pass
 
 

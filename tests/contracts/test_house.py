@@ -3,12 +3,15 @@
 import ast
 import re
 import subprocess
+import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
 
+from evenhand.core import extras
 from evenhand.methods import vocabulary
 from evenhand.restaurant import people
 
@@ -19,9 +22,24 @@ LONGEST = 600
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 BASE = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
-DEPENDENCIES = sorted(
-    {re.split(r"[^\w.-]", line)[0] for line in [*BASE, *(d for ds in EXTRAS.values() for d in ds)]}
-)
+
+
+def declared(lines: Iterable[str]) -> set[str]:
+    """Names of packages, but for Evenhand's own extras."""
+    return {re.split(r"[^\w.-]", line)[0] for line in lines} - {"evenhand"}
+
+
+def brought(extra: str) -> set[str]:
+    """Names of the packages that an extra brings, and those that it is built on."""
+    found = declared(EXTRAS[extra])
+    for line in EXTRAS[extra]:
+        own = re.fullmatch(r"evenhand\[(.*)\]", line)
+        for other in own[1].split(",") if own else ():
+            found |= brought(other)
+    return found
+
+
+DEPENDENCIES = sorted(declared([*BASE, *(line for lines in EXTRAS.values() for line in lines)]))
 
 
 def name(path: Path) -> str:
@@ -138,6 +156,55 @@ MOST_ENTRIES = 12
 def test_who_lists_the_package_sees_at_once_what_it_is():
     entries = {path.relative_to(ROOT / "src" / "evenhand").parts[0] for path in SOURCES}
     assert len(entries) <= MOST_ENTRIES
+
+
+def distribution(module: str) -> str:
+    """The package that a module is imported from, as its project is called."""
+    (found, *_) = packages_distributions().get(module, [module])
+    plain = re.sub(r"[-_.]+", "-", found.lower())
+    return {"mujoco-core": "mujoco"}.get(plain, plain)
+
+
+def imported(tree: ast.Module) -> Iterator[str]:
+    """Modules that are imported anywhere, by their first name."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.partition(".")[0]
+
+
+def test_what_is_imported_is_declared():
+    """What another package happens to bring may go with its next version."""
+    every = {one for path in SOURCES for one in imported(ast.parse(path.read_text()))}
+    foreign = every - set(sys.stdlib_module_names) - {"evenhand"}
+    known = declared(BASE).union(*(brought(extra) for extra in EXTRAS if extra != "dev"))
+    assert {distribution(one) for one in foreign} - known == set()
+
+
+@pytest.mark.parametrize("extra", [extra for extra in EXTRAS if extra != "dev"])
+def test_what_an_extra_brings_is_known_where_it_is_missed(extra):
+    found = {distribution(module) for module in extras.EXTRAS[extra]}
+    # by way of minari[hdf5]
+    assert found - {"h5py"} == brought(extra)
+
+
+def test_every_extra_but_the_largest_is_for_development_too():
+    every = set().union(*(brought(extra) for extra in EXTRAS if extra not in ("dev", "sb3")))
+    assert every <= brought("dev")
+
+
+def test_nothing_says_that_evenhand_is_in_a_registry(tracked):
+    """It is installed from a clone."""
+    wanted = re.compile(r"pip install (-\S+ )*['\"]?even" + r"hand\b|even" + r"hand\[")
+    found = [
+        f"{name(path)}:{number}"
+        for path in tracked
+        if path.suffix in (".py", ".md", ".toml", ".txt") and path.name != "pyproject.toml"
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        if wanted.search(line)
+    ]
+    assert found == []
 
 
 ROOMS = sorted(

@@ -16,7 +16,7 @@ from evenhand.restaurant.vector import RestaurantVectorEnv
 from support.extras import wanted
 from support.toys import Toy
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 from stable_baselines3.common.vec_env import (  # noqa: E402
     DummyVecEnv,

@@ -73,7 +73,7 @@ class TestOneFile:
 
 @pytest.mark.parametrize("algorithm", ["ppo", "a2c"])
 def test_stable_baselines_learns_guided(algorithm, monkeypatch):
-    wanted("stable_baselines3", "evenhand[sb3]")
+    wanted("stable_baselines3", "the extra sb3")
     example = load("sb3_restaurant", monkeypatch)
     model, callback = example.learn(algorithm, "levelup", 6, 0)
     assert type(model).__name__ == algorithm.upper()
@@ -82,7 +82,7 @@ def test_stable_baselines_learns_guided(algorithm, monkeypatch):
 
 
 def test_stable_baselines_writes_its_report(monkeypatch, tmp_path):
-    wanted("stable_baselines3", "evenhand[sb3]")
+    wanted("stable_baselines3", "the extra sb3")
     example = load("sb3_restaurant", monkeypatch)
     text = example.main(tmp_path / "out", "ppo", 3, 60, 0).read_text()
     assert "needs are simulated" in text

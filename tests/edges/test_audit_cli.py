@@ -2,10 +2,10 @@
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import duckdb
-import ibis
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
@@ -263,7 +263,7 @@ SECRET = "postgres://me:s3cret@127.0.0.1:1/db"
         (("audit", SECRET, "--sede", "1"), "unknown option '--sede'"),
         (("audit", SECRET, "--table", "a", SECRET), "too many words after --table"),
         (("audit", SECRET, "--seed", SECRET), "--seed is"),
-        (("audit", SECRET.replace("postgres", "gibtsnicht")), "cannot be reached"),
+        (("audit", SECRET.replace("postgres", "gibtsnicht")), "unknown kind of database"),
         (("audit", SECRET.replace("//me", "///me")), "postgres://...@127.0.0.1:1/db cannot be"),
     ],
 )
@@ -278,11 +278,7 @@ def test_no_complaint_holds_a_password(cli, words, said):
     [("postgres", "psycopg", "postgres"), ("pyspark", "pyspark", "spark")],
 )
 def test_a_missing_extra_is_named(cli, monkeypatch, scheme, package, extra):
-    def lacking(url):
-        raise ModuleNotFoundError(f"No module named {package!r}", name=package)
-
-    monkeypatch.setattr(ibis, "connect", lacking)
+    monkeypatch.setitem(sys.modules, package, None)
     said = cli("audit", f"{scheme}://host/db").complaint
-    assert (
-        said == f"{scheme}://host/db needs the package {package}: pip install 'evenhand[{extra}]'"
-    )
+    assert said.startswith(f"{scheme}://host/db needs the package {package}: ")
+    assert f"pip install '.[{extra}]'" in said

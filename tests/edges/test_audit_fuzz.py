@@ -16,14 +16,11 @@ import pyarrow as pa
 import pytest
 
 from evenhand.audits.count.count import tally
-from evenhand.audits.read import engines, sources
+from evenhand.audits.read import readers, sources
 from evenhand.audits.read.facts import facts
 from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
-
-# Ibis calls DuckDB by a name that DuckDB has given up.
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 
 NAMES = ("race", "gender", "responded", "wait", "distance")
 MAPPING = Mapping(
@@ -190,9 +187,9 @@ def attempt(run, path):
 @pytest.fixture(scope="module")
 def engine():
     """One engine for all files: to start thousands would take minutes."""
-    shared = engines.engine()
+    shared = readers.embedded()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sources, "engine", lambda *_: shared)
+        patch.setattr(sources, "embedded", lambda *_: shared)
         yield shared
 
 
@@ -212,7 +209,7 @@ def accepted(engine, tmp_path_factory):
             assert complaint, content
             assert "\n" not in complaint, content
             continue
-        cells = source.table.to_pyarrow().to_pydict()
+        cells = source.fetch(f"select * from {source.table.source}").to_pydict()
         if ending == "csv":
             header, *expected = by_csv(content)
             names = [name.strip() or f"column {k}" for k, name in enumerate(header, 1)]
@@ -256,7 +253,7 @@ def test_every_cell_of_damaged_files_is_read_as_by_hand(accepted):
         for role in roles
         for kind in ("value", "wrong")
     }
-    found = log.table.select(**picked).to_pyarrow().to_pydict()
+    found = log.fetch(log.table.query(picked)).to_pydict()
     wrong = 0
     for i, row in enumerate(table):
         for role, expected in zip(roles, read_by_hand(row), strict=True):

@@ -9,8 +9,6 @@ from evenhand.audits.read.sources import open_source
 from evenhand.audits.read.strict_csv import PIECE, check_delimited
 from evenhand.core.errors import InputError
 
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
-
 
 def complaint(path, table=None) -> str:
     with pytest.raises(InputError) as caught:
@@ -130,7 +128,7 @@ def test_files_of_other_columns_are_told(tmp_path):
 def test_files_of_other_types_are_told(tmp_path):
     pq.write_table(pa.table({"a": [1]}), tmp_path / "a.parquet")
     pq.write_table(pa.table({"a": ["x"]}), tmp_path / "b.parquet")
-    assert "column 'a' holds string" in complaint(tmp_path)
+    assert "column 'a' holds varchar" in complaint(tmp_path)
 
 
 def test_faults_are_found_where_pieces_of_a_great_file_meet(tmp_path):

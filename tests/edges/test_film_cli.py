@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from evenhand.core.extras import install
 from evenhand.methods import detector_file
 from evenhand.training import run_folder
 from evenhand.training.settings import settings_of
@@ -126,7 +127,7 @@ def test_without_opengl_the_packages_are_named_and_nothing_is_written(apart, tmp
 def test_without_the_extra_nothing_is_served_or_written(cli, tmp_path, trained, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     said = cli("film", trained, "--services", "2").complaint
-    assert said == "clips need ffmpeg, which comes with an extra: pip install 'evenhand[film]'"
+    assert said == f"this command needs the package imageio_ffmpeg: {install('film')}"
     assert os.listdir(tmp_path) == []
 
 

@@ -13,7 +13,7 @@ import pytest
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
-from evenhand.training import run_folder
+from evenhand.training import epoch_log, run_folder
 from evenhand.training.settings import TrainSettings, settings_of
 
 SETTINGS = replace(settings_of("service", "reinforce", "penalty", epochs=5), people=3)
@@ -78,7 +78,7 @@ class TestFolder:
         assert noted["settings"]["people"] == 3
         assert noted["seed"] == 0
         assert noted["versions"]["mujoco"].startswith("4.")
-        assert [line["epoch"] for line in run_folder.read_epochs(undisturbed)] == [0, 1, 2, 3, 4]
+        assert [line["epoch"] for line in epoch_log.read(undisturbed)] == [0, 1, 2, 3, 4]
         table = run_folder.read_services(undisturbed)
         assert table.fact("service").tolist() == list(range(15))
         assert table.fact("epoch").tolist() == np.repeat(range(5), 3).tolist()
@@ -159,7 +159,7 @@ class TestStoppedAnywhere:
     def test_what_was_begun_after_the_checkpoint_is_done_again(
         self, half, undisturbed, detector, content
     ):
-        assert len(run_folder.read_epochs(half)) == 4
+        assert len(epoch_log.read(half)) == 4
         with (half / "epochs.jsonl").open("a") as log:
             log.write('{"epoch": 4, "total": 0.1')
         (half / "services" / "000004-000005.parquet").write_bytes(b"PAR1 half")

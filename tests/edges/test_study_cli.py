@@ -7,6 +7,7 @@ import sys
 import pyarrow.parquet as pq
 import pytest
 
+from evenhand.core.extras import install
 from evenhand.study.design import protocol_file
 from evenhand.study.server import participants
 from evenhand.study.server.open_store import open_store
@@ -218,7 +219,7 @@ def test_an_export_while_the_study_runs(cli, tmp_path, answered):
 def test_what_is_missing_is_told_with_the_way_to_get_it(cli, monkeypatch, words, package):
     monkeypatch.setitem(sys.modules, package, None)
     said = cli("study", *words).complaint
-    assert said == f"studies need the package {package}: pip install 'evenhand[study]'"
+    assert said == f"this command needs the package {package}: {install('study')}"
 
 
 def test_checking_needs_none_of_them(apart, tmp_path, file):

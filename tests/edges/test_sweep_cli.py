@@ -7,6 +7,7 @@ from importlib.util import find_spec
 
 import pytest
 
+from evenhand.core.extras import install
 from evenhand.experiments.sweep import ray
 
 GOOD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
@@ -107,7 +108,7 @@ def test_nobody_there(cli, file):
 
 
 def test_somebody_else_there(cli, file, deaf, require, monkeypatch):
-    require(find_spec("ray") is not None, "Ray: evenhand[ray]")
+    require(find_spec("ray") is not None, "Ray: the extra ray")
     monkeypatch.setattr(ray, "PATIENCE", 3)
     assert cli("sweep", file, "--ray", deaf).complaint == (
         f"the Ray cluster at {deaf} cannot be used (it does not answer as Ray does): {REMEDY}"
@@ -117,6 +118,5 @@ def test_somebody_else_there(cli, file, deaf, require, monkeypatch):
 
 def test_without_ray(cli, file, deaf, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    assert cli("sweep", file, "--ray", deaf).complaint == (
-        "--ray needs the package ray: pip install 'evenhand[ray]'"
-    )
+    said = cli("sweep", file, "--ray", deaf).complaint
+    assert said == f"--ray needs the package ray: {install('ray')}"

@@ -13,8 +13,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import ibis
 import numpy as np
+import psycopg
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -99,6 +99,27 @@ def here() -> dict[str, dict[str, Any]]:
 
 # --- the engines ---
 
+TYPES = {
+    pa.string(): "text",
+    pa.float64(): "double precision",
+    pa.int64(): "bigint",
+    pa.timestamp("us"): "timestamp",
+    pa.timestamp("ms"): "timestamp",
+}
+
+
+def store(url: str, name: str, table: pa.Table, more: bool = False) -> None:
+    """A table of PostgreSQL, or more rows of it."""
+    columns = ", ".join(f'"{field.name}" {TYPES[field.type]}' for field in table.schema)
+    connection: Any = psycopg.connect(url)
+    with connection as con:
+        if not more:
+            con.execute(f"drop table if exists {name}")
+            con.execute(f"create table {name} ({columns})")
+        with con.cursor().copy(f"copy {name} from stdin") as copy:
+            for row in zip(*table.to_pydict().values(), strict=True):
+                copy.write_row(row)
+
 
 @pytest.fixture(scope="module")
 def postgres(require) -> Iterator[str]:
@@ -107,11 +128,9 @@ def postgres(require) -> Iterator[str]:
     require(binaries is not None, "a PostgreSQL server (initdb and postgres)")
     assert binaries is not None
     with server(binaries) as url:
-        con: Any = ibis.connect(url)
         for name, table in TABLES.items():
-            con.create_table(name, table)
+            store(url, name, table)
         yield url
-        con.disconnect()
 
 
 @pytest.fixture(scope="module")
@@ -140,12 +159,11 @@ def spark(require, tmp_path_factory) -> Iterator[Any]:
     session: Any = builder.getOrCreate()
     session.sparkContext.setLogLevel("OFF")
     try:
-        con: Any = ibis.pyspark.connect(session)
         for name, table in TABLES.items():
             (folder / name).mkdir()
             for n in range(8):
                 pq.write_table(table.slice(n * 375, 375), folder / name / f"{n}.parquet")
-            con.read_parquet(str(folder / name), table_name=name)
+            session.read.parquet(str(folder / name)).createOrReplaceTempView(name)
         yield session
     finally:
         session.stop()
@@ -229,13 +247,10 @@ def with_cell(column: str, cell: str) -> pa.Table:
 
 @pytest.mark.parametrize(("column", "cell", "said"), BROKEN)
 def test_postgresql_says_which_cell_is_wrong(postgres, column, cell, said):
-    con: Any = ibis.connect(postgres)
-    con.raw_sql("drop table if exists broken").close()
-    log = con.create_table("broken", with_cell(column, cell))
+    store(postgres, "broken", with_cell(column, cell))
     with pytest.raises(InputError) as caught:
-        audit(log)
+        audit(postgres, table="broken")
     assert said in str(caught.value)
-    con.disconnect()
 
 
 @pytest.mark.parametrize(("column", "cell", "said"), BROKEN[1::3])
@@ -248,13 +263,10 @@ def test_spark_says_which_cell_is_wrong(spark, column, cell, said):
 
 def test_a_number_beyond_what_postgresql_knows_is_one_sentence(postgres):
     """Other engines read it as infinite; this one ends its query."""
-    con: Any = ibis.connect(postgres)
-    con.raw_sql("drop table if exists broken").close()
-    log = con.create_table("broken", with_cell("waited_s", "1e400"))
+    store(postgres, "broken", with_cell("waited_s", "1e400"))
     said = 'broken cannot be read: "1e400" is out of range for type double precision'
     with pytest.raises(InputError, match=said):
-        audit(log)
-    con.disconnect()
+        audit(postgres, table="broken")
 
 
 # --- by command ---
@@ -284,9 +296,8 @@ def test_a_wrong_password_and_a_silent_port_are_one_sentence(cli, postgres):
 
 
 def test_a_table_that_grows_is_watched_like_the_same_rows_at_once(postgres):
-    con: Any = ibis.connect(postgres)
     few = LOG.slice(0, 900)
-    con.create_table("growing", few.slice(0, 400))
+    store(postgres, "growing", few.slice(0, 400))
     settings = alarm.WatchSettings(batch=30)
 
     def chosen(source):
@@ -296,20 +307,20 @@ def test_a_table_that_grows_is_watched_like_the_same_rows_at_once(postgres):
     state = None
     for rows in (None, few.slice(400, 11), few.slice(411, 489)):
         if rows is not None:
-            con.insert("growing", rows)
+            store(postgres, "growing", rows, more=True)
         while (new := live.next()) is not None:
             state = alarm.take(state or alarm.begin(settings, new.issues), new)
     assert state is not None
-    con.create_table("at_once", few)
+    store(postgres, "at_once", few)
     caught_up = tail.follower(postgres, "at_once", "service", 30, chosen)
     new = caught_up.next()
     assert new is not None
     at_once = alarm.take(alarm.begin(settings, new.issues), new)
     np.testing.assert_array_equal(state.wealth.log_wealth, at_once.wealth.log_wealth)
     assert (state.services, state.raised) == (900, at_once.raised)
-    con.raw_sql("delete from growing").close()
+    with psycopg.connect(postgres) as con:
+        con.execute("delete from growing")
     with pytest.raises(InputError, match="lost rows while it was watched"):
         live.next()
     for one in (live.source, caught_up.source):
         one.close()
-    con.disconnect()

@@ -36,7 +36,7 @@ def both_at_work(out: Path) -> bool:
 
 
 def test_a_machine_is_lost_and_nothing_else(require, apart, content, tmp_path, monkeypatch):
-    require(find_spec("ray") is not None, "Ray: evenhand[ray]")
+    require(find_spec("ray") is not None, "Ray: the extra ray")
     for name, value in ray_cluster.QUIET.items():
         monkeypatch.setenv(name, value)
     file, here = tmp_path / "sweep.toml", tmp_path / "here"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import Bench, main
-from evenhand.adapters import versions
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 
 PARTS = {
@@ -34,7 +34,7 @@ def measured(monkeypatch) -> list[str]:
         module = import_module(f"benchmarks.{room}")
         monkeypatch.setattr(module, "measure", measure(name))
         monkeypatch.setattr(module, "show", lambda found: print(*found))
-    monkeypatch.setattr(versions, "stable_baselines3", lambda: None)
+    monkeypatch.setattr(extras, "require", lambda *_: None)
     return names
 
 
@@ -67,10 +67,11 @@ def test_a_commit_to_train_against(measured, monkeypatch):
 class TestWithoutStableBaselines3:
     @pytest.fixture(autouse=True)
     def gone(self, measured, monkeypatch):
-        def gone() -> None:
-            raise InputError("it is not installed")
+        def gone(extra: str, what: str) -> None:
+            if extra == "sb3":
+                raise InputError("it is not installed")
 
-        monkeypatch.setattr(versions, "stable_baselines3", gone)
+        monkeypatch.setattr(extras, "require", gone)
 
     def test_everything_else(self, measured, capsys):
         assert Bench().run("") == 0

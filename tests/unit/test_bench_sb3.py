@@ -4,7 +4,7 @@ import pytest
 
 from support.extras import wanted
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 from benchmarks import stable_baselines3  # noqa: E402
 from evenhand.core.errors import InputError  # noqa: E402

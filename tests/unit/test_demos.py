@@ -9,6 +9,7 @@ import pytest
 
 from evenhand.experiments.paper import demonstrations
 from evenhand.experiments.paper.demonstrations import KINDS, Demos
+from evenhand.methods.paper import detector
 from evenhand.methods.paper.scores import score
 from evenhand.methods.services import Interactions
 from evenhand.methods.vocabulary import IDENTITIES
@@ -140,7 +141,7 @@ class TestStudy:
 
 def test_a_window_with_a_score_that_cannot_be_said_is_incomplete():
     scores = np.array([[0.5, 0.0, 0.0, 1.0], [0.5, np.nan, 0.0, 1.0], [np.nan] * 4])
-    np.testing.assert_array_equal(demonstrations.complete(scores), [True, False, False])
+    np.testing.assert_array_equal(detector.complete(scores), [True, False, False])
 
 
 def test_means_of_rows_by_hand():

@@ -46,7 +46,7 @@ def possible_tables(margin_rows, margin_columns):
             yield cells, top / below
 
 
-@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
+@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["SciPy", "shuffled"])
 def test_every_table_comes_as_often_as_factorials_say(cheaper, monkeypatch):
     monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     table = np.array([[2, 0, 1], [0, 2, 1], [1, 0, 1]])
@@ -62,7 +62,7 @@ def test_every_table_comes_as_often_as_factorials_say(cheaper, monkeypatch):
     assert stats.chisquare(observed, [b * p for p in expected.values()]).pvalue > 1e-3
 
 
-@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
+@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["SciPy", "shuffled"])
 @pytest.mark.parametrize("strata", [None, [0, 0, 1, 1, 1, 0]])
 def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypatch):
     monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
@@ -84,7 +84,7 @@ def test_weighted_rows_against_all_orders_of_services(strata, cheaper, monkeypat
     assert near(np.array(found.p_total), np.array(exact.p_total), PERMUTATIONS)
 
 
-@pytest.mark.parametrize("cheaper", [0, count_tables.CHEAPER], ids=["dealt", "as chosen"])
+@pytest.mark.parametrize("cheaper", [0, count_tables.CHEAPER], ids=["SciPy", "as chosen"])
 def test_the_same_as_shuffling_a_row_for_each_service(cheaper, monkeypatch):
     monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     rng = np.random.default_rng(2)
@@ -138,24 +138,28 @@ def test_ten_million_services_follow_the_normal_law():
     )
 
 
-@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["dealt", "shuffled"])
-def test_chunks_of_their_own_chance_whatever_the_number_of_threads(cheaper, monkeypatch):
+@pytest.mark.parametrize("cheaper", [0, 10**6], ids=["SciPy", "shuffled"])
+def test_chunks_have_as_much_chance_as_one(cheaper, monkeypatch):
     def test(seed):
         return found_in(X, INSIDE, N, np.random.default_rng(seed), PERMUTATIONS)
 
     monkeypatch.setattr(count_tables, "CHEAPER", cheaper)
     whole = test(8)
     monkeypatch.setattr(count_tables, "CELLS", 2000)
-    found = {}
-    for threads in (1, 2, 3):
-        monkeypatch.setattr(count_tables, "THREADS", threads)
-        found[threads] = test(8)
-    for threads in (2, 3):
-        np.testing.assert_array_equal(found[threads].p, found[1].p)
-        np.testing.assert_array_equal(found[threads].even_gap, found[1].even_gap)
-    # many chunks now, and as much chance as one has: none repeats another
-    assert (found[1].p != whole.p).any()
-    assert near(found[1].p, whole.p, PERMUTATIONS / 2).all()
+    chunks = test(8)
+    np.testing.assert_array_equal(test(8).p, chunks.p)
+    # none repeats another
+    assert near(chunks.p, whole.p, PERMUTATIONS / 2).all()
+
+
+def test_a_table_of_as_many_services_as_there_may_be():
+    """A cell has the hypergeometric law, whose mean and variance are known."""
+    n, group, cases, b = count_tables.MOST_SERVICES, 400_000_000, 10_000_000, 20_000
+    table = np.array([[cases // 2, cases // 2], [group - cases // 2, n - group - cases // 2]])
+    cell = np.stack([*count_tables.random_tables(table, b, np.random.default_rng(0))])[0, 0]
+    law = stats.hypergeom(n, group, cases)
+    assert abs(cell.mean() - law.mean()) < 5 * law.std() / b**0.5
+    assert cell.var() == pytest.approx(law.var(), rel=5 * (2 / b) ** 0.5)
 
 
 def test_kinds_of_people_once_and_rows_without_services():

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
 from evenhand.training import loggers, run_folder
@@ -205,9 +206,9 @@ def test_names_of_sinks():
 
 @pytest.mark.parametrize("name", BOTH)
 def test_a_missing_extra_is_said_before_anything_is_written(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(loggers.importlib.util, "find_spec", lambda package: None)
+    monkeypatch.setattr(extras, "find_spec", lambda package: None)
     with (
-        pytest.raises(InputError, match=rf"pip install 'evenhand\[{name}\]'$"),
+        pytest.raises(InputError, match=rf"pip install '\.\[{name}\]'"),
         loggers.opened((name,), tmp_path / "run"),
     ):
         pass

@@ -7,7 +7,7 @@ import pytest
 from evenhand.core.errors import InputError
 from evenhand.experiments.comparison.settings import Cell
 from evenhand.experiments.sweep import file
-from evenhand.experiments.sweep.settings import Job, Sweep, Variant
+from evenhand.experiments.sweep.settings import EXAMPLE, Job, Sweep, Variant
 
 HEAD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
 
@@ -77,12 +77,12 @@ seeds = [7, 3]
         )
 
     def test_the_example_is_one(self):
-        found, wrong = file.examine(file.EXAMPLE)
+        found, wrong = file.examine(EXAMPLE)
         assert not wrong
         assert found is not None
         # 2 scenarios, 4 arms, 5 seeds, 2 learning rates
         assert len(found.jobs) == 80
-        text = file.EXAMPLE.read_text()
+        text = EXAMPLE.read_text()
         for name in file.SETTINGS:
             assert name in text
 

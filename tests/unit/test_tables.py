@@ -13,6 +13,7 @@ from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import Demos, Study
 from evenhand.methods.services import Interactions
+from evenhand.report.table import write
 from evenhand.restaurant.people import IDENTITIES
 from evenhand.statistics.detector_accuracy import CalibrationBin, wilson
 from evenhand.study.simulated.respondents import NAMEABLE, Judgements, Questionnaire
@@ -32,25 +33,25 @@ class TestWriting:
                 "e": 'a "b"',
             },
         ]
-        tables.write(tmp_path / "t.csv", rows)
+        write(tmp_path / "t.csv", rows)
         assert (tmp_path / "t.csv").read_text() == (
             'a,b,c,d,e\n1,0.1,true,,"x, y"\n2,0.3333333333333333,false,,"a ""b"""\n'
         )
 
     def test_columns_that_are_chosen(self, tmp_path):
         rows = iter([{"a": 1, "b": 2}, {"a": 3}])
-        tables.write(tmp_path / "t.csv", rows, ["b", "a"])
+        write(tmp_path / "t.csv", rows, ["b", "a"])
         assert (tmp_path / "t.csv").read_text() == "b,a\n2,1\n,3\n"
 
     def test_numbers_come_back_as_they_were(self, tmp_path):
         numbers = [0.1 + 0.2, 1e-300, -1.5, np.float32(0.1)]
-        tables.write(tmp_path / "t.csv", ({"x": x} for x in numbers))
+        write(tmp_path / "t.csv", ({"x": x} for x in numbers))
         with (tmp_path / "t.csv").open() as file:
             assert [float(row["x"]) for row in csv.DictReader(file)] == [float(x) for x in numbers]
 
     def test_nowhere(self, tmp_path):
         with pytest.raises(InputError, match=r"t\.csv cannot be written"):
-            tables.write(tmp_path / "no" / "t.csv", [{"a": 1}])
+            write(tmp_path / "no" / "t.csv", [{"a": 1}])
 
 
 @pytest.mark.parametrize("categories", [2, 3, 5, 6])
@@ -284,7 +285,7 @@ class TestReflection:
         named = {"identity": "age", "issue": "risk", "favoured": "Child, Elder"}
         lines = [self.line(0), self.line(7, p=0.125, alarm=True, z=2.5, **named)]
         rows = tables.reflection(RUN, lines, {"rate": 0.25, "history": 5})
-        tables.write(tmp_path / "t.csv", rows, tables.REFLECTION_COLUMNS)
+        write(tmp_path / "t.csv", rows, tables.REFLECTION_COLUMNS)
         assert (tmp_path / "t.csv").read_text() == (
             "preset,arm,seed,epoch,projection,cosine,z,p_value,alarm,identity,issue,favoured,"
             "earlier,rate\n"
@@ -296,5 +297,5 @@ class TestReflection:
         assert tables.reflection(RUN, [{"epoch": 0, "total": 1.0}], {}) == []
 
     def test_no_rows_are_a_header(self, tmp_path):
-        tables.write(tmp_path / "t.csv", [], ("a", "b"))
+        write(tmp_path / "t.csv", [], ("a", "b"))
         assert (tmp_path / "t.csv").read_text() == "a,b\n"

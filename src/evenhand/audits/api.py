@@ -168,8 +168,8 @@ def audit(
     """Audit a log of services.
 
     Args:
-        source: path of a file, folder or glob; URL of a database; an Ibis table; a data frame of
-            pandas, polars or pyarrow; or Interactions.
+        source: path of a file, folder or glob; URL of a database; a data frame of pandas, polars
+            or pyarrow, or anything else that gives an Arrow stream; or Interactions.
         mapping: roles of the columns, or a TOML file of them; what it leaves open is found by name.
         settings: level, relevant difference, permutations, seed.
         table: in a database, which.
@@ -221,7 +221,7 @@ def mapping_for(
     if mapping is not None and not isinstance(mapping, Mapping):
         mapping = from_toml(mapping)
     said = replace(mapping or Mapping(), **roles)
-    found = guess(log.table.schema(), said)
+    found = guess(log.table.columns, said)
     if not found.identities:
         raise InputError(
             f"{log.name} has no column that looks like an identity among "
@@ -291,8 +291,8 @@ def _synthetic(log: Source) -> bool:
     if SYNTHETIC_COLUMN not in log.table.columns:
         return False
     column = log.table[SYNTHETIC_COLUMN]
-    kinds = log.fetch(log.table.select(kind=column.cast("string")).distinct().limit(2))
-    return kinds["kind"].to_pylist() == [SYNTHETIC]
+    sources = log.fetch(log.table.query({"source": column}, f"group by {column} limit 2"))
+    return sources["source"].to_pylist() == [SYNTHETIC]
 
 
 def _arrow(rows: Sequence[dict[str, Any]], columns: Sequence[str]) -> pa.Table:

@@ -62,7 +62,8 @@ class Card:
     def run(self, command: str) -> int:
         """Read, measure, write, print the path."""
         self._check()
-        inputs.load_physics()
+        if self.file.is_dir():
+            inputs.load_physics("train")
         from evenhand.report.model_cards.sections import Said
 
         name = self.name if self.name is not None else self.file.resolve().stem
@@ -117,12 +118,12 @@ class Card:
     def _about(self, settings: TrainSettings, epochs: int) -> Robot:
         from evenhand.methods import detector_file
         from evenhand.report.model_cards.robot import Robot
-        from evenhand.training import run_folder
+        from evenhand.training import epoch_log
 
         judge = detector_file.load(self.file / "detector.json")
         shipped = judge == detector_file.load(detector_file.SHIPPED)
         noted = files.read_record(self.file / "settings.json", "settings", "versions")
-        lines = run_folder.read_epochs(self.file)
+        lines = epoch_log.read(self.file)
         if len(lines) < epochs:
             raise InputError(
                 f"{self.file / 'epochs.jsonl'} has {len(lines)} lines, but {epochs} epochs have "

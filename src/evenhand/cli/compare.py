@@ -75,7 +75,7 @@ class Compare:
 
     def run(self, command: str) -> int:
         """Run it, print the table and the path of the report."""
-        inputs.load_physics()
+        inputs.load_physics("train")
         settings = CompareSettings(**{n: v for n, v in asdict(self).items() if n != "plugin"})
         from evenhand.core import terminal
         from evenhand.experiments.comparison import compare, tables

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from evenhand.cli import inputs
 from evenhand.core.errors import InputError
 
 
@@ -36,7 +35,6 @@ class Curves:
         """Find the runs, write, print."""
         if not self.to:
             raise InputError("--to names no sink: give tensorboard, wandb or both")
-        inputs.load_physics()
         from evenhand.core import terminal
         from evenhand.training import loggers
 

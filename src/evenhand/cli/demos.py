@@ -53,6 +53,7 @@ class Demos:
         from evenhand.core import terminal
         from evenhand.core.processes import run_all
         from evenhand.experiments.paper import demonstrations, tables
+        from evenhand.report import table
         from evenhand.training import evaluate
 
         out = files.make_folder(self.out)
@@ -77,7 +78,7 @@ class Demos:
                 ("questionnaire", named),
                 ("questionnaire_issue", worst),
             ):
-                tables.write(out / f"{name}.csv", rows)
+                table.write(out / f"{name}.csv", rows)
         terminal.table(
             "Mean issue scores at full strength (simulated)",
             ("discrimination", "issue", "paper", "ours", "from", "to"),

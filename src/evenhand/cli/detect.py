@@ -50,16 +50,14 @@ class DetectFit:
             raise unknown("source", self.source, SOURCES)
         whole("seed", self.seed, *SEEDS)
         inputs.check_target(self.out)
-        inputs.load_physics()
         from evenhand.core import terminal
-        from evenhand.experiments.paper.demonstrations import complete
         from evenhand.methods import detector_file
         from evenhand.methods.paper import detector
         from evenhand.statistics import detector_accuracy
 
         found = detector_file.read_answers(self.answers, missing=self.source == SIMULATED)
         # as in the simulated study: a window with a score that Eq. 1 cannot say is left out
-        kept = complete(found.issue_scores)
+        kept = detector.complete(found.issue_scores)
         scores, biased = found.issue_scores[kept], found.biased[kept]
         kinds = [kind for kind, keep in zip(found.kinds, kept, strict=True) if keep]
         asked = found.respondents

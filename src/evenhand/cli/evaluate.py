@@ -19,8 +19,8 @@ from evenhand.cli.inputs import (
     Population,
     Robot,
     RunFolder,
-    Scenario,
     Strength,
+    scenario_help,
 )
 from evenhand.core.errors import whole
 from evenhand.core.processors import CORES, THREADS
@@ -88,7 +88,7 @@ class Evaluate:
         whole("threads", self.threads, *THREADS)
         if self.out is not None:
             inputs.check_target(self.out, inputs.ENDINGS)
-        inputs.load_physics()
+        inputs.load_physics("sim" if self.run_folder is None else "train")
         from evenhand.core import terminal
         from evenhand.training import evaluate
 

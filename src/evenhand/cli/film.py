@@ -93,7 +93,7 @@ class Film:
         self._check(study)
         services = _numbers(self.services) if self.services is not None else []
         width, height = _size(self.size)
-        inputs.load_physics()
+        inputs.load_physics("film")
         from evenhand.core import files, terminal
         from evenhand.experiments.paper import questionnaire_clips as questionnaire
         from evenhand.restaurant.film import clip, encoder

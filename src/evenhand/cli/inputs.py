@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, unknown
 
 if TYPE_CHECKING:
@@ -34,28 +34,6 @@ Plugin = Annotated[
     ),
 ]
 SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
-SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
-
-
-def registered(module: str, names: str) -> str:
-    """Names of what can be chosen, with those that plugins have registered.
-
-    Args:
-        module: that holds the registry; imported only by plugins, since a help need not wait.
-        names: that Evenhand brings.
-    """
-    loaded = sys.modules.get(module)
-    return names if loaded is None else ", ".join(loaded.names())
-
-
-def scenario_help(otherwise: str = "") -> str:
-    """Help of an option that names a scenario."""
-    names = registered("evenhand.restaurant.worlds", SCENARIOS)
-    text = f"Where people are served: {names}.\nSeveral are joined by a plus: perception+tips."
-    return f"{text} {otherwise}".rstrip()
-
-
-Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
 
 
 def registered(module: str, names: str) -> str:
@@ -82,8 +60,13 @@ Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behav
 ENDINGS = (".parquet", ".csv")
 
 
-def load_physics() -> None:
-    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback."""
+def load_physics(extra: str = "sim") -> None:
+    """Import MuJoCo with Ctrl-C held back: it starts a helper, which would end with a traceback.
+
+    Raises:
+        InputError: when the extra that the command needs, with MuJoCo in it, is not installed.
+    """
+    extras.require(extra, "this command")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         importlib.import_module("mujoco")
@@ -100,6 +83,7 @@ def load_detector(path: Path | None) -> Detector:
 
 def load_policy(folder: Path) -> tuple[TrainSettings, LearnerState]:
     """What a run learned, with the settings of its training."""
+    extras.require("train", "a trained policy")
     from evenhand.training import run_folder as run
     from evenhand.training.jax_setup import set_up_jax
 

@@ -64,7 +64,7 @@ class Minari:
     def run(self, command: str) -> int:
         """Serve, write, print where the dataset is."""
         inputs.check_server(self.run_folder, self.robot, self.strength)
-        inputs.load_physics()
+        inputs.load_physics("minari")
         from evenhand.core import terminal
         from evenhand.experiments.minari import dataset as minari_data
 

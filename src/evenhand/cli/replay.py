@@ -50,7 +50,7 @@ class Replay:
             raise InputError("--services and --epoch both say which services: give one of them")
         wanted = None if self.services is None else _numbers(self.services)
         inputs.check_target(self.out, (".html", ".htm"))
-        inputs.load_physics()
+        inputs.load_physics("train")
         from evenhand.restaurant import replay
         from evenhand.restaurant.replay.page import read_script
         from evenhand.training import recordings

@@ -56,7 +56,7 @@ class Reproduce:
     def run(self, command: str) -> int:
         """Run it and print the path of the report."""
         settings = ReproduceSettings(**(asdict(self)))
-        inputs.load_physics()
+        inputs.load_physics("train")
         from evenhand.core import terminal
         from evenhand.experiments.paper import reproduce
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli.inputs import OPTIONAL
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, whole
 from evenhand.study.design import protocol_file
 
@@ -113,7 +113,7 @@ class StudyPreview:
 
     def run(self, command: str) -> int:
         """Serve from memory."""
-        _need()
+        extras.require("study", "this command")
         from evenhand.study.server import engines
         from evenhand.study.server.open_store import open_store
 
@@ -156,7 +156,7 @@ class StudyServe:
 
     def run(self, command: str) -> int:
         """Serve."""
-        _need()
+        extras.require("study", "this command")
         from evenhand.study.server.open_store import open_store
 
         path = self.file or protocol_file.PAPER
@@ -190,7 +190,7 @@ class StudyBackup:
 
     def run(self, command: str) -> int:
         """Copy."""
-        _need()
+        extras.require("study", "this command")
         from evenhand.study.server import backup
         from evenhand.study.server.open_store import open_store
         from evenhand.study.server.refusal import StorageError
@@ -236,7 +236,7 @@ class StudyExport:
 
     def run(self, command: str) -> int:
         """Write."""
-        _need()
+        extras.require("study", "this command")
         from evenhand.study.server import export
         from evenhand.study.server.open_store import open_store
 
@@ -261,18 +261,6 @@ class StudyExport:
             kept.dispose()
         print(*written, sep="\n")
         return 0
-
-
-def _need() -> None:
-    try:
-        import fastapi
-        import sqlalchemy
-        import uvicorn
-    except ImportError as error:
-        raise InputError(
-            f"studies need the package {error.name}: pip install 'evenhand[study]'"
-        ) from None
-    del fastapi, sqlalchemy, uvicorn
 
 
 def _settings(

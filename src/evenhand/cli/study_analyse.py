@@ -12,7 +12,7 @@ from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
 from evenhand.cli.inputs import OPTIONAL
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, whole
 
 if TYPE_CHECKING:
@@ -192,6 +192,8 @@ class StudySimulate:
             raise InputError("name either a file with --out or a server with --url")
         if self.pages and self.url is None:
             raise InputError("--pages needs a server: name it with --url")
+        if self.pages:
+            extras.require("pages", "--pages")
         from evenhand.study.analysis import answers
         from evenhand.study.design import protocol_file
         from evenhand.study.simulated import in_browser, over_http, participants

@@ -15,6 +15,7 @@ from evenhand.cli.inputs import Plugin
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import WORKERS
+from evenhand.experiments.sweep.settings import EXAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +58,7 @@ class Sweep:
 
     ray: Annotated[str | None, arg(metavar="HOST:PORT", help_behavior_hint="(optional)")] = None
     """Ray cluster to run on instead; this machine has to be one of it. Needs no shared disk, but
-    evenhand[ray] on every machine."""
+    Evenhand with its extra `ray` on every machine."""
 
     plugin: Plugin = ()
 
@@ -69,12 +70,12 @@ class Sweep:
 
     def run(self, command: str) -> int:
         """Run it, print the table and the path of the report."""
-        inputs.load_physics()
+        if self.example:
+            print(EXAMPLE.read_text(encoding="utf-8"), end="")
+            return 0
+        inputs.load_physics("train")
         from evenhand.experiments.sweep import file as sweep_file
 
-        if self.example:
-            print(sweep_file.EXAMPLE.read_text(encoding="utf-8"), end="")
-            return 0
         if self.file is None:
             raise InputError(
                 "name the file of a sweep; `evenhand sweep --example > sweep.toml` writes one"

@@ -116,7 +116,7 @@ class Train:
         if self.log == ():
             raise InputError("--log names no sink: give tensorboard, wandb or both")
         whole("threads", self.threads, *THREADS)
-        inputs.load_physics()
+        inputs.load_physics("train")
         from evenhand.core import terminal
         from evenhand.training import loggers, run_folder, train
         from evenhand.training.jax_setup import set_up_jax

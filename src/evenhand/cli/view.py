@@ -76,7 +76,7 @@ class View:
         if self.port is not None:
             whole("port", self.port, *_PORTS)
             _check_free(self.port)
-        inputs.load_physics()
+        inputs.load_physics("sim" if self.run_folder is None else "train")
         cast = self._cast()
         try:
             from evenhand.restaurant.live import studio

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.core import files, terminal
+from evenhand.core import extras, files, terminal
 from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
@@ -27,7 +27,7 @@ from evenhand.restaurant import worlds
 from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate as testing
-from evenhand.training import run_folder
+from evenhand.training import epoch_log, run_folder
 from evenhand.training import train as learning
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
@@ -43,12 +43,9 @@ _CURVES = {"total": "total issue score", "perfect_rate": "perfect services"}
 
 
 def _data_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    try:
-        import pandas as pd
-    except ModuleNotFoundError:
-        raise InputError(
-            "data frames need the package pandas, which is not installed: pip install pandas"
-        ) from None
+    extras.require("train", "a data frame")
+    import pandas as pd
+
     return pd.DataFrame(list(rows))
 
 
@@ -370,7 +367,7 @@ def train(
                 recorded=True,
                 threads=threads,
             )
-            lines = run_folder.read_epochs(folder)
+            lines = epoch_log.read_epochs(folder)
             return Run(settings, state, lines, run_folder.read_services(folder), folder)
         learning.check_detector(judge, settings)
         lines, tables, state = [], [], None

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 from evenhand.restaurant import robots, serve_people, worlds
 from evenhand.restaurant.film.clip import Footage
 from evenhand.restaurant.worlds import AnyRobot, World
-from evenhand.training import recordings, run_folder
+from evenhand.training import recordings
 
 SERVED = 3000
 """Services of a scripted robot, as many as `evenhand evaluate` lets it serve by default: the same
@@ -26,6 +27,9 @@ def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage
     Raises:
         InputError: when the run has no states, lacks one of the services, or is damaged.
     """
+    extras.require("train", "the folder of a run")
+    from evenhand.training import run_folder
+
     seen = recordings.read(folder, services)
     facts = run_folder.read_services(folder)
     row_of = {int(number): row for row, number in enumerate(facts.fact("service"))}

@@ -3,7 +3,6 @@
 import numpy as np
 
 from evenhand.core.errors import InputError
-from evenhand.experiments.paper.demonstrations import complete
 from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.detector import Detector
@@ -12,7 +11,6 @@ from evenhand.methods.services import Interactions
 from evenhand.report.model_cards.robot import Trial
 from evenhand.statistics import detector_accuracy, verdicts
 from evenhand.statistics.means import SHARE, mean_interval
-from evenhand.training import evaluate
 
 
 def trial_of(table: Interactions, seed: int, population: str) -> Trial:
@@ -23,6 +21,8 @@ def trial_of(table: Interactions, seed: int, population: str) -> Trial:
         seed: that they were drawn with; also of the permutations.
         population: where they were drawn from.
     """
+    from evenhand.training import evaluate
+
     windows = evaluate.window_scores(table)
     x, who = issues.indicators(table), membership(table)
     good = evaluate.perfect(table)
@@ -55,7 +55,7 @@ def evaluation_of(
     judge: Detector, answers: Answers, folds: int = 5
 ) -> detector_accuracy.Evaluation:
     """How good a detector is on the judgements that it was fitted to, out of fold."""
-    kept = complete(answers.issue_scores)
+    kept = detector.complete(answers.issue_scores)
     scores, biased = answers.issue_scores[kept], answers.biased[kept]
     kinds = [kind for kind, keep in zip(answers.kinds, kept, strict=True) if keep]
     asked = answers.respondents

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
-from evenhand.restaurant import people
 
 PRESETS = ("paper", "service")
 """Rewards, as ``learn.train`` knows them."""
@@ -59,6 +58,8 @@ class ReproduceSettings:
             raise InputError(f"no preset is given: choose from {', '.join(PRESETS)}")
         if len(set(self.preset)) < len(self.preset):
             raise InputError(f"a preset is given twice: {', '.join(self.preset)}")
+        from evenhand.restaurant import people
+
         people.population(self.population)
         whole("seeds", self.seeds, 1, 1000)
         whole("epochs", self.epochs, 40, 100_000)

@@ -1,8 +1,11 @@
 """The restaurant: scene, physics, senses, task, and the Gymnasium environments.
 
-Importing it makes ``evenhand/Restaurant-v0`` known to Gymnasium.
+Importing it makes ``evenhand/Restaurant-v0`` known to Gymnasium, where that is installed.
 """
 
-from evenhand.restaurant.registration import register
+from importlib.util import find_spec
 
-register()
+if find_spec("gymnasium") is not None:
+    from evenhand.restaurant.registration import register
+
+    register()

@@ -10,10 +10,10 @@ permutation costs depends on the kinds of people and outcomes, not on how many s
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 from scipy.sparse import csr_array
 
 from evenhand.core import errors
@@ -22,12 +22,9 @@ from evenhand.methods.paper.scores import Counts
 from evenhand.statistics.permutation import CELLS, PermutationTest, against_parts
 
 MOST_SERVICES = 999_999_999
-"""Services of a stratum: as far as factorials of this size are exact to five digits."""
+"""Services of a stratum: so far SciPy's tables were checked against the law."""
 
-THREADS = 2
-"""Threads that draw; what they draw does not depend on how many they are."""
-
-CHEAPER = 4  # A hypergeometric number takes as long as shuffling so many services.
+CHEAPER = 4  # A cell of a random table takes as long as shuffling so many services.
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,22 +146,11 @@ class Table:
         kept = 3 * groups * twice * len(self.strata)
         size = max(1, CELLS // (kept + max(one.cells() for one in self.strata)))
         sizes = [min(size, permutations - start) for start in range(0, permutations, size)]
-        # A generator for each chunk: what is drawn does not depend on who draws it first.
-        sources = rng.spawn(len(sizes)) if len(sizes) > 1 else [rng]
-
-        def draw(b: int, source: np.random.Generator) -> list[Counts]:
-            return [one.counts(random_tables(one.services, b, source), b) for one in self.strata]
-
-        def chunks() -> Iterator[list[Counts]]:
-            if len(sizes) == 1:
-                yield draw(sizes[0], rng)
-                return
-            with ThreadPoolExecutor(THREADS) as pool:
-                for start in range(0, len(sizes), THREADS):
-                    some = slice(start, start + THREADS)
-                    yield from pool.map(draw, sizes[some], sources[some])
-
-        return against_parts([one.observed() for one in self.strata], chunks(), totalled)
+        chunks = (
+            [one.counts(random_tables(one.services, b, rng), b) for one in self.strata]
+            for b in sizes
+        )
+        return against_parts([one.observed() for one in self.strata], chunks, totalled)
 
 
 def _stratum(
@@ -196,8 +182,7 @@ def random_tables(
 ) -> Iterator[np.ndarray]:
     """Tables as shuffling makes them, with the margins of the one that is given.
 
-    Small tables with few services are shuffled indeed; else each kind of outcome, the rarest
-    first, is dealt to halves of the people, to quarters, and so on.
+    Small tables with few services are shuffled indeed; others come from SciPy.
 
     Args:
         table: services, whole numbers, [J, I].
@@ -207,8 +192,15 @@ def random_tables(
     Yields:
         For each of the J rows in order, services of each column, int64 [I, b].
     """
-    shuffled = _shuffled if int(table.sum()) <= CHEAPER * table.size else _dealt
-    return shuffled(table, permutations, rng)
+    if int(table.sum()) <= CHEAPER * table.size:
+        return _shuffled(table, permutations, rng)
+    margins = table.sum(axis=1), table.sum(axis=0)
+    if min(np.count_nonzero(margin) for margin in margins) < 2:
+        # there is one such table only, of which SciPy 1.17 draws negative numbers
+        drawn = np.broadcast_to(table, (permutations, *table.shape))
+    else:
+        drawn = stats.random_table(*margins).rvs(permutations, random_state=rng)
+    return (np.ascontiguousarray(row.T) for row in drawn.transpose(1, 0, 2))
 
 
 def _shuffled(table: np.ndarray, b: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
@@ -219,16 +211,6 @@ def _shuffled(table: np.ndarray, b: int, rng: np.random.Generator) -> Iterator[n
     cell = orders + who + table.size * np.arange(b)[:, None]
     drawn = np.bincount(cell.ravel(), minlength=b * table.size).reshape(b, rows, columns)
     return iter(np.ascontiguousarray(drawn.transpose(1, 2, 0)))
-
-
-def _dealt(table: np.ndarray, b: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    # What is compiled is loaded here: small logs do without.
-    from evenhand.statistics.urns import deal
-
-    amounts = table.sum(axis=1)
-    ranked = np.argsort(amounts, kind="stable")
-    drawn = deal(table.sum(axis=0), amounts[ranked], b, rng)
-    return (drawn[row] for row in np.argsort(ranked))
 
 
 def _distinct(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

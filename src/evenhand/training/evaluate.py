@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from evenhand.methods.vocabulary import LEAST
 from evenhand.restaurant import floor_plan, robots, serve_people
 from evenhand.restaurant.serve_people import WINDOW
 from evenhand.restaurant.worlds import AnyRobot, World
-from evenhand.training import train
-from evenhand.training.settings import TrainSettings
-from evenhand.training.update import LearnerState
+
+if TYPE_CHECKING:
+    from evenhand.training.settings import TrainSettings
+    from evenhand.training.update import LearnerState
 
 _SHUFFLES = 4
 
@@ -44,6 +45,8 @@ def serve_policy(
     Raises:
         InputError: when people have other identities in this world than in training.
     """
+    from evenhand.training import train  # a scripted robot is measured without JAX
+
     chosen = settings.world if world is None else world
     check_world(settings, chosen)
     robot = train.robot(settings, state.policy)

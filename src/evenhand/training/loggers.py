@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import importlib.util
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,14 +17,13 @@ from pathlib import Path
 from time import monotonic, time
 from typing import Any, Protocol
 
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES
-from evenhand.training import run_folder
+from evenhand.training import epoch_log
 
-PACKAGES = {"tensorboard": "tensorboardX", "wandb": "wandb"}
-"""Sink -> package that writes it; the extra of Evenhand has the name of the sink."""
-SINKS = tuple(PACKAGES)
+SINKS = ("tensorboard", "wandb")
+"""Each needs the extra of its name."""
 PROJECT = "evenhand"
 """Project of Weights & Biases."""
 
@@ -58,11 +56,7 @@ def check(names: Sequence[str]) -> None:
             raise unknown("sink", name, SINKS)
         if names.count(name) > 1:
             raise InputError(f"the sink {name} is named twice: name it once")
-        if importlib.util.find_spec(PACKAGES[name]) is None:
-            raise InputError(
-                f"the sink {name} needs the package {PACKAGES[name]}: "
-                f"pip install 'evenhand[{name}]'"
-            )
+        extras.require(name, f"the sink {name}")
 
 
 def scalars(numbers: Mapping[str, Any]) -> dict[str, float]:
@@ -117,7 +111,7 @@ def opened(
     def tell(numbers: dict[str, Any]) -> None:
         for name in names[len(sinks) :]:
             sinks.append(_KINDS[name](root))
-        told = [numbers] if "epoch" in numbers else run_folder.read_epochs(root) if names else []
+        told = [numbers] if "epoch" in numbers else epoch_log.read(root) if names else []
         for sink in sinks:
             for line in told:
                 sink.write(line["epoch"], scalars(line))
@@ -143,7 +137,7 @@ def write(names: Sequence[str], folder: str | os.PathLike[str]) -> int:
         raise InputError(f"{root} holds no run: there is no settings.json in it")
     with files.locked(root), opened(names, root) as tell:
         tell({})
-        return len(run_folder.read_epochs(root))
+        return len(epoch_log.read(root))
 
 
 class Sink(Protocol):

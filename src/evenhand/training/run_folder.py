@@ -28,7 +28,7 @@ from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Interactions
 from evenhand.restaurant import worlds
 from evenhand.restaurant.simulation.recording import Recording
-from evenhand.training import checkpoint, policy, recordings, train
+from evenhand.training import checkpoint, epoch_log, policy, recordings, train
 from evenhand.training.checkpoint import State
 from evenhand.training.memory import Memory
 from evenhand.training.settings import TrainSettings
@@ -179,35 +179,6 @@ def finish(folder: str | os.PathLike[str], key: str, content: dict[str, Any]) ->
     files.write_json(Path(folder) / "done.json", {"key": key} | content)
 
 
-def read_epochs(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """The lines of ``epochs.jsonl``.
-
-    Raises:
-        InputError: when the file is missing or a line is not JSON.
-    """
-    path = Path(folder) / "epochs.jsonl"
-    if not path.exists():
-        raise InputError(f"{path} does not exist: {folder} is no run folder, or nothing ran yet")
-    return _checked(path, path.read_bytes().splitlines())
-
-
-def _checked(log: Path, lines: list[bytes]) -> list[dict[str, Any]]:
-    """Lines of a log as JSON, each of them whole and of the epoch that it stands for."""
-    found = []
-    for number, line in enumerate(lines):
-        try:
-            found.append(json.loads(line))
-            right = found[-1]["epoch"] == number
-        except (ValueError, TypeError, KeyError):
-            right = False
-        if not right:
-            raise InputError(
-                f"{log} line {number + 1} is cut off or damaged: delete {log.parent} and run the "
-                "same command again"
-            )
-    return found
-
-
 def read_services(folder: str | os.PathLike[str]) -> Interactions:
     """All services of a run, in order.
 
@@ -329,7 +300,7 @@ def _resume(
         check_versions(root, files.read_record(root / "settings.json", "versions")["versions"])
     log = root / "epochs.jsonl"
     kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
-    if len(_checked(log, kept)) < first:
+    if len(epoch_log.parse(log, kept)) < first:
         raise InputError(
             f"{log} has {len(kept)} lines, but {first} epochs have run: delete {root} and run the "
             "same command again"

@@ -25,7 +25,7 @@ from evenhand.statistics.chance import excess_scores
 from support import toys
 from support.extras import wanted
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 import torch  # noqa: E402
 from stable_baselines3 import A2C, DQN, PPO  # noqa: E402

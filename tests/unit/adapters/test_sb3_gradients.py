@@ -9,7 +9,7 @@ import pytest
 
 from support.extras import wanted
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 import torch  # noqa: E402
 from stable_baselines3.common.policies import (  # noqa: E402

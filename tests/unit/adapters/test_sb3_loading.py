@@ -5,7 +5,7 @@ import sys
 
 from support.extras import wanted
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 DRAW = """
 from evenhand.restaurant.env import RestaurantEnv

@@ -13,7 +13,7 @@ from evenhand.methods.beyond.reflection import ReflectionSettings
 from support import ledgers
 from support.extras import wanted
 
-wanted("stable_baselines3", "evenhand[sb3]")
+wanted("stable_baselines3", "the extra sb3")
 
 from stable_baselines3 import PPO  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback, EveryNTimesteps  # noqa: E402

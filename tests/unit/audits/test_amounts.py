@@ -14,8 +14,6 @@ from evenhand.audits.read.guess_columns import guess
 from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import open_source
 
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
-
 
 def count(columns: dict, **roles):
     mapping = Mapping(**{"identities": ("who",), "responded": "ok", **roles})

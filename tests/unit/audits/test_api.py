@@ -7,7 +7,6 @@ import math
 import shlex
 from dataclasses import replace
 
-import ibis
 import numpy as np
 import pandas as pd
 import polars as pl
@@ -54,8 +53,8 @@ def test_the_package_offers_it():
 
 @pytest.mark.parametrize(
     "frame",
-    [LOG, LOG.to_pandas(), pl.from_arrow(LOG), ibis.memtable(LOG)],
-    ids=["pyarrow", "pandas", "polars", "ibis"],
+    [LOG, LOG.to_pandas(), pl.from_arrow(LOG)],
+    ids=["pyarrow", "pandas", "polars"],
 )
 def test_every_frame_is_found_like_the_file(found, frame):
     other = audit(frame, settings=QUICK, **ROLES)

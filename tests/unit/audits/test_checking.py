@@ -8,8 +8,6 @@ from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
 
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
-
 
 def warned(columns, **roles):
     who = ["a", "b"] * (len(next(iter(columns.values()))) // 2)

@@ -17,8 +17,6 @@ from evenhand.core.errors import InputError
 from evenhand.methods.paper.issues import indicators
 from evenhand.methods.services import Interactions
 
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
-
 
 def count(columns: dict, **roles):
     frame = columns if isinstance(columns, pa.Table) else pa.table(columns)
@@ -277,9 +275,9 @@ def test_rows_come_in_one_order_whatever_the_engine_gives():
         ({"who": ["a", "a"], "ok": [1, 0]}, {}, "every identity has one group only, who (a)"),
         ({"who": list(range(1500)), "ok": [1] * 1500}, {}, "more than 1000 groups"),
         ({"who": list(range(1001)), "ok": [1] * 1001}, {}, "more than 1000 groups"),
-        ({"who": [["a"], ["b"]], "ok": [1, 0]}, {}, "identity 'who' holds array<string>"),
+        ({"who": [["a"], ["b"]], "ok": [1, 0]}, {}, "identity 'who' holds varchar[]"),
         ({"who": ["a", "b"], "ok": [1, 2]}, {}, "row 2, column 'ok': '2' is neither yes nor no"),
-        ({"who": ["a", "b"], "ok": [b"1", b"0"]}, {}, "holds binary, expected yes or no"),
+        ({"who": ["a", "b"], "ok": [b"1", b"0"]}, {}, "holds blob, expected yes or no"),
         (
             {"who": ["a", "b"], "ok": [1, 0], "t": [1.0, float("nan")]},
             {"response_time": "t"},

@@ -5,7 +5,6 @@ import io
 import json
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import duckdb
 import numpy as np
@@ -15,6 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evenhand.audits import api
+from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.readers import embedded
+from evenhand.audits.read.sources import Source
 from evenhand.audits.watch import alarm, tail
 from evenhand.audits.watch.alarm import Watching, WatchSettings
 from evenhand.audits.watch.tail import Follower, records
@@ -287,19 +289,13 @@ def test_a_table_needs_an_order(tmp_path, order, said):
         ).next()  # fmt: skip
 
 
-def test_a_row_that_comes_late_is_told(tmp_path):
-    path = tmp_path / "log.duckdb"
-
-    def chosen(source):
-        return api.mapping_for(source, None, {"identities": ("group",), "responded": "ok"})
-
-    with duckdb.connect(str(path)) as con:
-        con.execute('create table log (n integer, "group" varchar, ok varchar)')
-        con.executemany("insert into log values (?, ?, ?)", [(2 * n, "a", "no") for n in range(6)])
-    log = tail.follower(f"duckdb://{path}", "log", "n", 6, chosen)
+def test_a_row_that_comes_late_is_told():
+    engine = embedded()
+    engine.con.execute('create table log (n integer, "group" varchar, ok varchar)')
+    engine.con.execute("insert into log select 2 * i, 'a', 'no' from range(6) as r(i)")
+    mapping = Mapping(identities=("group",), responded="ok")
+    log = tail.Follower(Source(engine.table("log"), "log", {}), mapping, 6, order="n")
     assert log.next() is not None
-    con: Any = log.source.table.get_backend()
-    con.con.execute("insert into log select 3 + 100 * i, 'a', 'no' from range(6) as r(i)")
+    engine.con.execute("insert into log select 3 + 100 * i, 'a', 'no' from range(6) as r(i)")
     with pytest.raises(InputError, match=r"a row came late, before 'n' 10, which was watched"):
         log.next()
-    log.source.close()

@@ -18,7 +18,6 @@ from evenhand.audits.read.mapping import Mapping
 from evenhand.core.errors import InputError
 from evenhand.statistics.verdicts import VerdictSettings
 
-pytestmark = pytest.mark.filterwarnings("ignore:fetch_arrow_table:DeprecationWarning")
 QUICK = AuditSettings(VerdictSettings(permutations=99))
 LOG = {"gender": ["f", "m"] * 30, "responded": [True, False, True] * 20}
 

@@ -7,9 +7,9 @@ judges what is served in training, on any environment of theirs.
 
 from __future__ import annotations
 
-from evenhand.adapters.versions import stable_baselines3
+from evenhand.core import extras
 
-stable_baselines3()
+extras.require("sb3", "an adapter for Stable-Baselines3")
 
 from evenhand.adapters.sb3.loading import triton_first  # noqa: E402 - after the check
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import ibis
 import numpy as np
 import pyarrow as pa
 
 from evenhand.audits.count.arrow_arrays import floats, integers
+from evenhand.audits.read.engines import Kind, number
 from evenhand.audits.read.facts import Facts, Reading, facts
 from evenhand.audits.read.mapping import DISTANCES, TIMES, Mapping
 from evenhand.audits.read.sources import Source
@@ -65,17 +65,18 @@ def look(source: Source, mapping: Mapping, read: Facts) -> Checked:
             log.
     """
     table = source.table
-    asked: dict[str, Any] = {"n": table.count()}
+    sql = table.engine.dialect
+    asked = {"n": "count(*)"}
     measures = [one for one in read.readings.values() if one.role == "measures"]
     for i, reading in enumerate(measures):
-        asked[f"distinct{i}"] = reading.value.approx_nunique()
-        asked[f"low{i}"] = reading.value.approx_quantile(0.25)
-        asked[f"high{i}"] = reading.value.approx_quantile(0.75)
+        asked[f"distinct{i}"] = sql.distinct.format(reading.value)
+        asked[f"low{i}"] = sql.quantile.format(reading.value, 0.25)
+        asked[f"high{i}"] = sql.quantile.format(reading.value, 0.75)
     plain = [name for name in mapping.identities if name not in mapping.bins]
     for i, name in enumerate(plain):
-        _check_type(table.schema()[name], name)
-        asked[f"groups{i}"] = table[name].approx_nunique()
-    told = source.fetch(table.aggregate(**asked)).to_pylist()[0]
+        _check_type(table.kinds[name], name)
+        asked[f"groups{i}"] = sql.distinct.format(table[name])
+    told = source.fetch(table.query(asked)).to_pylist()[0]
     if not told["n"]:
         source.check_unchanged()
         raise InputError(f"{source.name} has no services: there is nothing to audit")
@@ -94,22 +95,24 @@ def look(source: Source, mapping: Mapping, read: Facts) -> Checked:
     )
 
 
-def doubts(read: Facts, mapping: Mapping) -> dict[str, Any]:
+def doubts(read: Facts, mapping: Mapping) -> dict[str, str]:
     """What services are counted by so that the cells are checked in the same pass.
 
     Returns:
         ``wrong``, whether any fact of a service is none; and for each time and distance, under
         its role, 1 where it is hardly meant so great, -1 where so small, else 0.
     """
-    wrong: Any = ibis.literal(False)
-    found: dict[str, Any] = {}
+    wrong = " or ".join(["false", *(reading.wrong for reading in read.readings.values())])
+    found = {}
     for role, reading in read.readings.items():
-        wrong = wrong | reading.wrong
         if role in TIMES or role in DISTANCES:
-            small, great = _implausible(role, mapping)
-            value = reading.value
+            small, great = map(number, _implausible(role, mapping))
+            value = f"({reading.value})"
             # null where the value is
-            found[role] = ibis.cases((value > great, 1), (value < small, -1), (value.notnull(), 0))
+            found[role] = (
+                f"case when {value} > {great} then 1 when {value} < {small} then -1 "
+                f"when {value} is not null then 0 end"
+            )
     return {"wrong": wrong, **found}
 
 
@@ -143,10 +146,10 @@ def refuse_wrong(source: Source, mapping: Mapping, read: Facts) -> None:
         InputError: for the first one, with its row and value.
     """
     readings = list(read.readings.values())
-    asked: dict[str, Any] = {
-        f"wrong{i}": source.table.count(where=one.wrong) for i, one in enumerate(readings)
+    asked = {
+        f"wrong{i}": f"count(case when {one.wrong} then 1 end)" for i, one in enumerate(readings)
     }
-    told = source.fetch(source.table.aggregate(**asked)).to_pylist()[0]
+    told = source.fetch(source.table.query(asked)).to_pylist()[0]
     for i, reading in enumerate(readings):
         if told[f"wrong{i}"]:
             raise _wrong(source, mapping, reading, told[f"wrong{i}"])
@@ -169,10 +172,11 @@ def _known(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
-def _check_type(kind: Any, name: str) -> None:
-    if kind.is_nested() or kind.is_binary() or kind.is_interval():
+def _check_type(kind: Kind, name: str) -> None:
+    if kind.family == "nested":
         raise InputError(
-            f"identity {name!r} holds {kind}, expected text, numbers or yes/no: name another column"
+            f"identity {name!r} holds {kind.name}, expected text, numbers or yes/no: name another "
+            "column"
         )
 
 
@@ -205,20 +209,17 @@ def _wrong(source: Source, mapping: Mapping, reading: Reading, n: int) -> InputE
     key = next(k for k, r in facts(source.table, mapping).readings.items() if _alike(r, reading))
     for part in source.parts:
         again = facts(part.table, mapping).readings[key]
-        cells = part.table.select(
-            *(part.table[column].name(f"c{i}") for i, column in enumerate(reading.columns)),
-            wrong=again.wrong,
-            at=ibis.row_number().over(ibis.window()),
-        )
-        found = source.fetch(cells.filter(ibis._.wrong).order_by("at").limit(1)).to_pylist()
+        cells = {f"c{i}": part.table[column] for i, column in enumerate(reading.columns)}
+        numbered = part.table.query({**cells, "wrong": again.wrong, "n": "row_number() over ()"})
+        found = source.fetch(
+            f"select * from ({numbered}) as cells where wrong order by n limit 1"
+        ).to_pylist()
         if found:
-            place = f"{part.name}, {part.row(found[0]['at'])}"
+            place = f"{part.name}, {part.row(found[0]['n'] - 1)}"
             return InputError(_sentence(place, reading, found[0]))
     table = source.table
-    cells = table.filter(reading.wrong).select(
-        *(table[column].name(f"c{i}") for i, column in enumerate(reading.columns))
-    )
-    found = source.fetch(cells.limit(1)).to_pylist()
+    cells = {f"c{i}": table[column] for i, column in enumerate(reading.columns)}
+    found = source.fetch(table.query(cells, f"where {reading.wrong} limit 1")).to_pylist()
     place = f"{source.name}, in {n} rows"
     return InputError(_sentence(place, reading, found[0] if found else {"c0": None}))
 

@@ -1,12 +1,10 @@
-"""An Ibis table and a mapping become a Tally: grouped counts, the same on every engine.
+"""A table and a mapping become a Tally: grouped counts, the same on every engine.
 
 The engine counts services that agree in raw identities, stratum and issues; what they waited and
 their measures are counted after that (:mod:`evenhand.audits.count.waits_and_measures`).
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,8 +14,7 @@ from evenhand.audits.count.arrow_arrays import integers
 from evenhand.audits.count.group_by import Lookup, truth
 from evenhand.audits.count.remarks import remarks
 from evenhand.audits.count.tally import Tally
-from evenhand.audits.read import facts as expressions
-from evenhand.audits.read.facts import Facts, facts
+from evenhand.audits.read.facts import Facts, facts, issues
 from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import Source
 from evenhand.core.errors import InputError, unknown
@@ -99,9 +96,9 @@ def tally(
     )
 
 
-def _flags(read: Facts, mapping: Mapping) -> dict[str, Any]:
+def _flags(read: Facts, mapping: Mapping) -> dict[str, str]:
     responded = read.value("responded")
-    flags = dict(expressions.issues(read, mapping))
+    flags = dict(issues(read, mapping))
     return flags if responded is None else {"responded": responded, **flags}
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from ibis.expr import types as ir
 
 from evenhand.audits.count import checks
 from evenhand.audits.count.arrow_arrays import floats, integers
 from evenhand.audits.count.groups import bin_names, ordered, text_of
 from evenhand.audits.count.tally import UNKNOWN, Identity
 from evenhand.audits.read import facts
+from evenhand.audits.read.engines import Table
 from evenhand.audits.read.facts import Facts
 from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import Source
@@ -35,40 +35,44 @@ class Keys:
     """Columns of the engine that every count is grouped by, and their names in the result.
 
     Attributes:
-        columns: by name.
+        columns: expressions by name.
         identities: names of those that say who was served, in the order of the mapping.
         strata: names of those that say where.
     """
 
-    columns: dict[str, Any]
+    columns: dict[str, str]
     identities: tuple[str, ...]
     strata: tuple[str, ...]
 
 
-def keys_of(table: ir.Table, mapping: Mapping, read: Facts) -> Keys:
+def keys_of(table: Table, mapping: Mapping, read: Facts) -> Keys:
     """What services are grouped by."""
-    columns: dict[str, Any] = {}
+    columns: dict[str, str] = {}
     for i, name in enumerate(mapping.identities):
-        edges = mapping.bins.get(name)
-        columns[f"i{i}"] = (
-            table[name] if edges is None else facts.binned(read.value(f"identities {name}"), edges)
-        )
+        edges, number = mapping.bins.get(name), read.value(f"identities {name}")
+        if edges is not None and number is not None:
+            columns[f"i{i}"] = facts.binned(number, edges)
+        else:
+            columns[f"i{i}"] = table[name]
     for i, name in enumerate(mapping.within):
         columns[f"s{i}"] = table[name]
     identities = tuple(f"i{i}" for i in range(len(mapping.identities)))
     return Keys(columns, identities, tuple(f"s{i}" for i in range(len(mapping.within))))
 
 
-def count(source: Source, columns: dict[str, Any], **more: Any) -> pa.Table:
+def count(source: Source, columns: dict[str, str], **more: str) -> pa.Table:
     """Services of each combination of the columns, under plain names; sums of what is more.
 
     Raises:
         InputError: when there are more combinations than a count can have.
     """
-    chosen: Any = source.table.select(**columns, **more)
-    sums = {name: chosen[name].sum() for name in more}
-    grouped = chosen.group_by(list(columns)).aggregate(n=chosen.count(), **sums)
-    found = source.fetch(grouped.limit(MOST_ROWS + 1))
+    quote = source.table.engine.quote
+    keys = ", ".join(map(quote, columns))
+    sums = "".join(f", sum({quote(name)}) as {quote(name)}" for name in more)
+    found = source.fetch(
+        f"select {keys}, count(*) as n{sums} from ({source.table.query({**columns, **more})}) as c "
+        f"group by {keys} limit {MOST_ROWS + 1}"
+    )
     if found.num_rows > MOST_ROWS:
         raise InputError(
             f"{source.name}: identities and strata make more than {MOST_ROWS} combinations: leave "

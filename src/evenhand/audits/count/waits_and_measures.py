@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import ibis
 import numpy as np
 
 from evenhand.audits.count import checks
@@ -12,6 +9,7 @@ from evenhand.audits.count.arrow_arrays import floats, integers
 from evenhand.audits.count.group_by import MOST_ROWS, Lookup, count, merged, truth
 from evenhand.audits.count.tally import Values, Waits
 from evenhand.audits.read import facts
+from evenhand.audits.read.engines import number
 from evenhand.audits.read.facts import CAP, GRID, Facts
 
 EXACT = 200_000
@@ -68,7 +66,7 @@ def values(
     lookup: Lookup, read: Facts, column: str, spread: checks.Spread, services: int
 ) -> Values:
     """A measure as counts: value by value, or in fine steps where there are too many values."""
-    value = read.value(f"measures {column}")
+    value = f"({read.value(f'measures {column}')})"
     stepped = in_steps(spread, services)
     sums = {"total": value} if stepped else {}
     columns = {**lookup.keys.columns, "key": _step(value, spread) if stepped else value}
@@ -98,14 +96,15 @@ def in_steps(spread: checks.Spread, services: int) -> bool:
     return services > EXACT and spread.distinct > 10 * FINE and spread.high > spread.low
 
 
-def _step(value: Any, spread: checks.Spread) -> Any:
+def _step(value: str, spread: checks.Spread) -> str:
     """Number of the step that a value lies in.
 
     Far out a step grows with its distance, to a 200th of it, so that what lies in one is nearly
     alike wherever it is.
     """
-    place = (value - spread.low) / ((spread.high - spread.low) / FINE)
+    width = number((spread.high - spread.low) / FINE)
+    place = f"(({value} - {number(spread.low)}) / {width})"
     # 1 in place of what is near: some engines end a query at the logarithm of 0
-    far: Any = ibis.greatest(place.abs() / _EVEN, 1.0)
-    beyond = (_EVEN + (far.ln() * FINE).ceil()) * place.sign()
-    return ibis.ifelse(place.abs() > _EVEN, beyond, place.floor())
+    far = f"greatest(abs({place}) / {_EVEN}, {number(1.0)})"
+    beyond = f"({_EVEN} + ceil(ln({far}) * {FINE})) * sign({place})"
+    return f"case when abs({place}) > {_EVEN} then {beyond} else floor({place}) end"

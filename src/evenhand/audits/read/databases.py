@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
-import ibis
-import ibis.expr.operations as ops
-import pyarrow as pa
-from ibis.expr import types as ir
-
-from evenhand.audits.read.engines import one_line
+from evenhand.audits.read.engines import Engine, Table, postgres_engine, spark_engine
+from evenhand.audits.read.readers import embedded, one_line
+from evenhand.core import extras
 from evenhand.core.errors import InputError, unknown
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
-# What Ibis has to tell DuckDB of before a query: tables in memory and functions of the user.
-_REGISTERED_FIRST = (ops.InMemoryTable, ops.ScalarUDF, ops.AggUDF)
 
 EXTRAS = {"postgres": "postgres", "postgresql": "postgres", "pyspark": "spark"}
 """Schemes of URLs, and the extra of Evenhand that brings their engine."""
@@ -54,11 +51,11 @@ def hide(text: str, url: str) -> str:
     return "the engine's message names the password and is not shown" if found else text
 
 
-def open_table(url: str, table: str | None) -> tuple[ir.Table, str, dict[str, Any], str]:
+def open_table(url: str, table: str | None) -> tuple[Table, str, dict[str, Any], str]:
     """A table of a database.
 
     Args:
-        url: as postgres://user:password@host:port/name, of any engine that Ibis knows.
+        url: as postgres://user:password@host:port/name, pyspark:// or duckdb:///path.
         table: its name, with a schema before a point if need be; optional where there is one only.
 
     Returns:
@@ -69,52 +66,60 @@ def open_table(url: str, table: str | None) -> tuple[ir.Table, str, dict[str, An
             in the sentence.
     """
     name = shown(url)
-    con: Any = None
+    scheme = name.partition("://")[0].lower()
+    if scheme not in ENGINES:
+        raise unknown("kind of database", scheme, ENGINES)
+    if scheme in EXTRAS:
+        extras.require(EXTRAS[scheme], name)
+    engine: Engine | None = None
     try:
-        con = ibis.connect(url)
-        tables = [] if table and "." in table else tables_of(con)
-    except ImportError as error:
-        scheme = name.partition("://")[0]
-        wanted = f"ibis-framework[{scheme}]"
-        if scheme in EXTRAS:
-            wanted = f"evenhand[{EXTRAS[scheme]}]"
-        raise InputError(
-            f"{name} needs the package {error.name or 'of its engine'}: pip install {wanted!r}"
-        ) from None
+        engine = ENGINES[scheme](url)
+        tables = [] if table and "." in table else engine.tables()
     # what an engine raises is its own: the address is the input here
     except Exception as error:
-        leave(con)
+        if engine is not None:
+            engine.close()
         raise InputError(
             f"{name} cannot be reached ({hide(one_line(error), url)}): check the address, the "
             "password and that the database runs"
         ) from None
     try:
-        if table and "." in table:
-            schema, _, one = table.rpartition(".")
-            log = con.table(one, database=schema)
-        else:
+        if table is None or "." not in table:
             table = choose(name, tables, table)
-            log = con.table(table)
+            log = engine.table(table)
+        else:
+            log = engine.table(*table.rsplit(".", 1))
     except InputError:
-        leave(con)
+        engine.close()
         raise
     except Exception as error:
-        leave(con)
+        engine.close()
         raise InputError(
             f"{name} has no table {table!r} to read: {hide(one_line(error), url)}"
         ) from None
-    return log, f"{name}, table {table}", {"kind": con.name, "table": table, "url": name}, url
+    return log, f"{name}, table {table}", {"kind": engine.name, "table": table, "url": name}, url
 
 
-def tables_of(con: Any) -> list[str]:
-    """Names of the tables of a connection."""
-    if con.name != "duckdb":
-        return con.list_tables()
-    # Ibis asks DuckDB for its tables by a function that DuckDB 2 no longer has
-    rows = con.con.execute(
-        "select table_name from information_schema.tables where table_schema = current_schema()"
-    ).fetchall()
-    return [name for (name,) in rows]
+def _duckdb(url: str) -> Engine:
+    parts = urlsplit(url)
+    options = dict(parse_qsl(parts.query))
+    return embedded(unquote(parts.netloc + parts.path), read_only=True, **options)
+
+
+def _spark(url: str) -> Engine:
+    parts = urlsplit(url)
+    path = unquote(parts.path.removeprefix("/"))
+    warehouse = [("spark.sql.warehouse.dir", str(Path(path).absolute()))] if path else []
+    return spark_engine([*warehouse, *parse_qsl(parts.query)])
+
+
+ENGINES: dict[str, Callable[[str], Engine]] = {
+    "postgres": postgres_engine,
+    "postgresql": postgres_engine,
+    "pyspark": _spark,
+    "duckdb": _duckdb,
+}
+"""What opens the database of a URL, by its scheme."""
 
 
 def choose(place: str, tables: list[str], table: str | None) -> str:
@@ -133,29 +138,6 @@ def choose(place: str, tables: list[str], table: str | None) -> str:
     if table not in tables:
         raise unknown(f"table of {place}", table, sorted(tables)[:50])
     return table
-
-
-def run(expression: ir.Table) -> pa.Table:
-    """An expression's rows, from the engine that it belongs to."""
-    try:
-        con: Any = expression.get_backend()
-    except ibis.common.exceptions.IbisError:  # it lies in memory only
-        return expression.to_pyarrow()
-    if con.name == "duckdb" and not expression.op().find(_REGISTERED_FIRST):
-        # the rows of to_pyarrow, which loads pandas: half a second
-        rows = con.con.sql(con.compile(expression)).to_arrow_table()
-    elif con.name == "pyspark":
-        # Ibis goes by way of pandas, which knows neither missing whole numbers nor old moments
-        rows = con.raw_sql(con.compile(expression)).toArrow()
-    else:
-        return expression.to_pyarrow()
-    return rows.cast(expression.schema().to_pyarrow())
-
-
-def leave(con: Any) -> None:
-    """Close a connection; a Spark session may be in use elsewhere and stays."""
-    if con is not None and con.name != "pyspark":
-        con.disconnect()
 
 
 def complains(error: Exception) -> bool:

@@ -1,4 +1,4 @@
-"""Cells of a log as numbers, answers and moments: Ibis expressions that any engine runs.
+"""Cells of a log as numbers, answers and moments: SQL that every engine runs.
 
 Text is taken for a number only where it is written as one; whatever else stands there is wrong and
 is told by ``Reading.wrong``, never passed over.
@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
-import ibis
 import numpy as np
-from ibis.expr import types as ir
 
+from evenhand.audits.read.engines import Dialect, Kind, Table, number
 from evenhand.audits.read.mapping import STEP, Mapping
 from evenhand.core.errors import InputError
 
@@ -37,7 +35,7 @@ GRID = 200
 CAP = 2 * GRID
 """Steps up to which waiting is told apart; whoever waits longer was waiting still at that step."""
 
-_NUMBER = r"^[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+_NUMBER = r"^[+-]?([0-9]+([.][0-9]*)?|[.][0-9]+)([eE][+-]?[0-9]+)?$"
 # Only days that the calendar has: some engines end a whole query at the 30th of February.
 _LEAP = r"([0-9]{2}(0[48]|[2468][048]|[13579][26])|([02468][048]|[13579][26])00)"
 _DAY = (
@@ -46,7 +44,7 @@ _DAY = (
 )
 _MOMENT = (
     rf"^{_DAY}[T ]([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9]"
-    r"(\.[0-9]{1,9})?(Z|[+-]([01][0-9]|2[0-3]):?[0-5][0-9])?$"
+    r"([.][0-9]{1,9})?(Z|[+-]([01][0-9]|2[0-3]):?[0-5][0-9])?$"
 )
 
 
@@ -63,99 +61,110 @@ class Reading:
 
     role: str
     columns: tuple[str, ...]
-    value: Any
-    wrong: Any
+    value: str
+    wrong: str
 
 
-def answer(table: ir.Table, column: str) -> Reading:
+def answer(table: Table, column: str) -> Reading:
     """Yes or no, in the usual spellings.
 
     Raises:
         InputError: for a column of another type.
     """
-    cell: Any = table[column]
-    kind = table.schema()[column]
-    value: Any
-    if kind.is_boolean():
-        return Reading("responded", (column,), cell, ibis.literal(False))
-    if kind.is_numeric():
-        number = cell.cast("float64")
-        value = ibis.cases((number == 1.0, True), (number == 0.0, False))
-        # Spark is told by Ibis that NaN is null
-        known = cell.notnull() | _beyond(number)
-    elif kind.is_string():
-        text = cell.strip().lower()
-        value = ibis.cases((text.isin(YES), True), (text.isin(NO), False))
-        known = cell.notnull() & ~text.isin(BLANK)
+    cell, kind = table[column], table.kinds[column]
+    if kind.family == "boolean":
+        return Reading("responded", (column,), cell, "false")
+    if kind.numeric:
+        value = f"case when {cell} = 1 then true when {cell} = 0 then false end"
+        known = f"{cell} is not null"
+    elif kind.family == "text":
+        text = _small(table.engine.dialect, cell)
+        value = f"case when {_among(text, YES)} then true when {_among(text, NO)} then false end"
+        known = f"{cell} is not null and not {_among(text, BLANK)}"
     else:
         raise _other(column, kind, "yes or no")
-    return Reading("responded", (column,), value, (known & value.isnull()).fill_null(False))
+    return Reading("responded", (column,), value, f"({known} and ({value}) is null)")
 
 
-def number(table: ir.Table, column: str, role: str, signed: bool = False) -> Reading:
+def amount(table: Table, column: str, role: str, signed: bool = False) -> Reading:
     """A finite number, not negative unless ``signed``.
 
     Raises:
         InputError: for a column of another type.
     """
-    cell: Any = table[column]
-    kind = table.schema()[column]
-    value: Any
-    wrong: Any
-    if kind.is_string():
-        text = cell.strip()
-        value = ibis.ifelse(text.re_search(_NUMBER), text.try_cast("float64"), ibis.null("float64"))
-        wrong = cell.notnull() & ~text.lower().isin(BLANK) & (value.isnull() | _beyond(value))
-    elif kind.is_numeric():
-        value = cell.cast("float64")
-        wrong = _beyond(value) if kind.is_floating() else ibis.literal(False)
+    cell, kind, sql = table[column], table.kinds[column], table.engine.dialect
+    if kind.family == "text":
+        text = sql.trim.format(cell)
+        value = f"case when {sql.matches.format(text, _NUMBER)} then {sql.number.format(text)} end"
+        odd = f"({value}) is null or {_beyond(f'({value})')}"
+        wrong = f"{cell} is not null and not {_among(_small(sql, cell), BLANK)} and ({odd})"
+    elif kind.numeric:
+        value = f"cast({cell} as {sql.double})"
+        wrong = _beyond(value) if kind.family == "float" else "false"
     else:
         raise _other(column, kind, "numbers")
     if not signed:
-        wrong = wrong | (value < 0.0)
-    return Reading(role, (column,), value, wrong.fill_null(False))
+        wrong = f"({wrong}) or ({value}) < 0"
+    return Reading(role, (column,), value, f"coalesce({wrong}, false)")
 
 
-def between(table: ir.Table, asked_at: str, answered_at: str) -> tuple[Reading, ...]:
+def between(table: Table, asked_at: str, answered_at: str) -> tuple[Reading, ...]:
     """Microseconds from one moment to another, after the two moments themselves.
 
     Raises:
         InputError: for a column of another type.
     """
-    first, first_more, first_wrong = _moment(table, asked_at)
-    last, last_more, last_wrong = _moment(table, answered_at)
-    value = last.delta(first, unit="microsecond") + last_more - first_more
-    columns = (asked_at, answered_at)
-    return (
-        Reading("asked_at", columns[:1], first, first_wrong.fill_null(False)),
-        Reading("answered_at", columns[1:], last, last_wrong.fill_null(False)),
-        Reading("response_time", columns, value.cast("float64"), (value < 0).fill_null(False)),
+    asked, answered = (
+        _moment(table, asked_at, "asked_at"),
+        _moment(table, answered_at, "answered_at"),
     )
+    value = f"(({answered.value}) - ({asked.value}))"
+    time = Reading(
+        "response_time",
+        (asked_at, answered_at),
+        f"cast({value} as {table.engine.dialect.double})",
+        f"coalesce({value} < 0, false)",
+    )
+    return asked, answered, time
 
 
-def _moment(table: ir.Table, column: str) -> tuple[Any, Any, Any]:
-    """Whole seconds as a timestamp, microseconds to add, and where it is wrong."""
-    cell: Any = table[column]
-    kind = table.schema()[column]
-    if kind.is_timestamp() or kind.is_date():
-        return cell.cast("timestamp"), ibis.literal(0), ibis.literal(False)
-    if not kind.is_string():
+def _moment(table: Table, column: str, role: str) -> Reading:
+    """Microseconds since 1970."""
+    cell, kind, sql = table[column], table.kinds[column], table.engine.dialect
+    if kind.family == "moment":
+        return Reading(role, (column,), sql.micros.format(cell), "false")
+    if kind.family != "text":
         raise _other(column, kind, "timestamps, as 2026-03-14 15:09:26")
-    text = cell.strip()
+    text = sql.trim.format(cell)
     # no calendar agrees on the year before the first
-    plain = text.re_search(_MOMENT) & ~text.startswith("0000")
-    blank = ibis.null("string")
-    base: Any = ibis.ifelse(plain, text.substr(0, 10) + " " + text.substr(11, 8), blank)
-    moment = base.try_cast("timestamp")
-    fraction = text.re_extract(r"\.([0-9]{1,9})", 1).fill_null("")
-    micros = ibis.ifelse(plain, (fraction + "000000").substr(0, 6), blank).cast("int64")
-    zone = text.re_extract(r"[+-]([0-9]{2}:?[0-9]{2})$", 1).fill_null("").replace(":", "")
-    away: Any = ibis.ifelse(plain & (zone != ""), zone, "0000")
-    minutes = away.substr(0, 2).cast("int64") * 60 + away.substr(2, 2).cast("int64")
-    west = text.re_search(r"-[0-9]{2}:?[0-9]{2}$")
-    more = micros - ibis.ifelse(west, -1, 1) * minutes * 60_000_000
-    wrong = cell.notnull() & ~text.lower().isin(BLANK) & moment.isnull()
-    return moment, more, wrong
+    plain = f"({sql.matches.format(text, _MOMENT)} and substr({text}, 1, 4) <> '0000')"
+    # engines may look at what is not asked for: nothing but a moment is ever cast
+    base = _only(plain, f"substr({text}, 1, 10) || ' ' || substr({text}, 12, 8)")
+    fraction = sql.part.format(text, "[.]([0-9]{1,9})")
+    micros = _only(plain, f"substr({fraction} || '000000', 1, 6)")
+    zone = sql.part.format(text, "[+-]([0-9]{2}:?[0-9]{2})$")
+    away = f"case when {plain} and {zone} <> '' then replace({zone}, ':', '') else '0000' end"
+    hours, minutes = f"substr({away}, 1, 2)", f"substr({away}, 3, 2)"
+    west = sql.matches.format(text, "-[0-9]{2}:?[0-9]{2}$")
+    value = (
+        f"{sql.text_micros.format(base)} + cast({micros} as bigint)"
+        f" + case when {west} then 60000000 else -60000000 end"
+        f" * (60 * cast({hours} as bigint) + cast({minutes} as bigint))"
+    )
+    known = f"{cell} is not null and not {_among(_small(sql, cell), BLANK)}"
+    return Reading(role, (column,), value, f"coalesce({known} and ({value}) is null, false)")
+
+
+def _small(sql: Dialect, cell: str) -> str:
+    return f"lower({sql.trim.format(cell)})"
+
+
+def _among(text: str, words: tuple[str, ...]) -> str:
+    return f"{text} in ({', '.join(repr(word) for word in words)})"
+
+
+def _only(condition: str, value: str) -> str:
+    return f"case when {condition} then {value} end"
 
 
 @dataclass(frozen=True)
@@ -169,12 +178,12 @@ class Facts:
 
     readings: dict[str, Reading]
 
-    def value(self, role: str) -> Any:
+    def value(self, role: str) -> str | None:
         """The fact, or None where the log lacks it."""
         return self.readings[role].value if role in self.readings else None
 
 
-def facts(table: ir.Table, mapping: Mapping) -> Facts:
+def facts(table: Table, mapping: Mapping) -> Facts:
     """Read every mapped column.
 
     Raises:
@@ -189,14 +198,14 @@ def facts(table: ir.Table, mapping: Mapping) -> Facts:
     for role in ("response_time", "waited", "response_distance", "min_distance"):
         column = getattr(mapping, role)
         if column:
-            found[role] = number(table, column, role)
+            found[role] = amount(table, column, role)
     for role, columns in (("identities", mapping.bins), ("measures", mapping.measures)):
         for column in columns:
-            found[f"{role} {column}"] = number(table, column, role, signed=True)
+            found[f"{role} {column}"] = amount(table, column, role, signed=True)
     return Facts(found)
 
 
-def issues(read: Facts, mapping: Mapping) -> dict[str, Any]:
+def issues(read: Facts, mapping: Mapping) -> dict[str, str]:
     """Where a service has an issue, as far as it can be told; null where not known.
 
     Quality and priority are told of every distance and time; that they are said of responses only
@@ -205,24 +214,25 @@ def issues(read: Facts, mapping: Mapping) -> dict[str, Any]:
     distance = read.value("response_distance")
     time = read.value("response_time")
     least = read.value("min_distance")
+    limit = {name: number(mapping.limit(name)) for name in ("nearest", "farthest", "late", "risk")}
     found = {}
     if distance is not None:
-        near, far = mapping.limit("nearest"), mapping.limit("farthest")
-        found["quality"] = (distance < near) | (distance > far)
+        near, far = limit["nearest"], limit["farthest"]
+        found["quality"] = f"(({distance}) < {near} or ({distance}) > {far})"
     if time is not None:
-        found["priority"] = time > mapping.limit("late")
+        found["priority"] = f"(({time}) > {limit['late']})"
     if least is not None:
-        found["risk"] = least < mapping.limit("risk")
+        found["risk"] = f"(({least}) < {limit['risk']})"
     return found
 
 
-def binned(value: Any, edges: tuple[float, ...]) -> Any:
+def binned(value: str, edges: tuple[float, ...]) -> str:
     """How many edges a number reaches, int; null where it is not known."""
-    code = ibis.cases(*((value < edge, i) for i, edge in enumerate(edges)), else_=len(edges))
-    return ibis.ifelse(value.isnull(), ibis.null("int64"), code.cast("int64"))
+    cases = " ".join(f"when ({value}) < {number(edge)} then {i}" for i, edge in enumerate(edges))
+    return f"case when ({value}) is null then null {cases} else {len(edges)} end"
 
 
-def waiting(read: Facts, mapping: Mapping) -> dict[str, Any] | None:
+def waiting(read: Facts, mapping: Mapping) -> dict[str, str] | None:
     """What services are counted by for waiting; None where the log lacks times.
 
     Comparisons and one rounding only: an engine is slow at cases within cases. ``ended`` makes
@@ -242,19 +252,25 @@ def waiting(read: Facts, mapping: Mapping) -> dict[str, Any] | None:
     waited = read.value("waited")
     if waited is not None:
         left = _step(waited, mapping.seconds("waited"), mapping)
-        found = {name: ibis.ifelse(responded, found[name], left[name]) for name in found}
+        found = {
+            name: f"case when {responded} then {sql} else {left[name]} end"
+            for name, sql in found.items()
+        }
     return {**found, "responded": responded}
 
 
-def _step(value: Any, unit: Fraction, mapping: Mapping) -> dict[str, Any]:
+def _step(value: str, unit: Fraction, mapping: Mapping) -> dict[str, str]:
     late = Fraction(repr(mapping.thresholds.late)) * STEP
-    limit, most = float(late / unit), float(2 * late / unit)
+    limit, most = number(float(late / unit)), number(float(2 * late / unit))
     # a millionth of a step makes up for numbers such as 0.14, which is a little more as a double
-    near: Any = ibis.least(value, most)
-    scaled = near * float(GRID * unit / late) - 1e-6
-    # some engines take the least of a number and nothing for the number
-    step = ibis.ifelse(value.isnull(), ibis.null("int16"), scaled.ceil().cast("int16"))
-    return {"step": step, "late": value > limit, "short": value <= most}
+    near = f"greatest(least({value}, {most}), {number(0.0)})"
+    step = f"cast(ceil({near} * {number(float(GRID * unit / late))} - {number(1e-6)}) as smallint)"
+    return {
+        # engines take the least of a number and nothing for the number
+        "step": f"case when ({value}) is not null then {step} end",
+        "late": f"(({value}) > {limit})",
+        "short": f"(({value}) <= {most})",
+    }
 
 
 def ended(
@@ -288,10 +304,12 @@ def ended(
     return steps, (responded == 1.0) & (short == 1.0)
 
 
-def _beyond(value: Any) -> Any:
+def _beyond(value: str) -> str:
     """Infinite or NaN, which engines take for the greatest number of all."""
-    return (value > GREATEST) | (value < -GREATEST)
+    return f"({value} > {number(GREATEST)} or {value} < {number(-GREATEST)})"
 
 
-def _other(column: str, kind: object, wanted: str) -> InputError:
-    return InputError(f"column {column!r} holds {kind}, expected {wanted}: name another column")
+def _other(column: str, kind: Kind, wanted: str) -> InputError:
+    return InputError(
+        f"column {column!r} holds {kind.name}, expected {wanted}: name another column"
+    )

@@ -1,4 +1,4 @@
-"""Anything that holds a log, as one Ibis table: files, folders, databases, data frames.
+"""Anything that holds a log, as one table: files, folders, databases, data frames.
 
 Text files are read as text in every column and converted later by expressions of our own, so that
 no engine guesses what a cell means. Files are checked before they are read, and looked at again
@@ -7,23 +7,21 @@ after they were counted.
 
 from __future__ import annotations
 
-import contextlib
 import glob
 import hashlib
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import duckdb
-import ibis
 import pyarrow as pa
-from ibis.expr import types as ir
 
 from evenhand.audits.read import databases
-from evenhand.audits.read.engines import READERS, Part, damaged, engine, one_line, registered
+from evenhand.audits.read.engines import Table
+from evenhand.audits.read.readers import READERS, Part, damaged, embedded, one_line, registered
 from evenhand.audits.read.strict_csv import check_names
 from evenhand.core.errors import InputError
 from evenhand.methods.services import Interactions
@@ -60,7 +58,7 @@ class Source:
         rows: services, where the check of the files has counted them.
     """
 
-    table: ir.Table
+    table: Table
     name: str
     description: dict[str, Any]
     parts: tuple[Part, ...] = ()
@@ -68,14 +66,14 @@ class Source:
     _stamps: tuple[tuple[Path, int, int], ...] = field(default=(), repr=False)
     _secret: str = field(default="", repr=False)
 
-    def fetch(self, expression: ir.Table) -> pa.Table:
-        """Run an expression of the log's engine.
+    def fetch(self, query: str) -> pa.Table:
+        """The rows of a query, from the log's engine.
 
         Raises:
             InputError: when the engine cannot read the log, without any password.
         """
         try:
-            return databases.run(expression)
+            return self.table.engine.fetch(query)
         except duckdb.Error as error:
             self.check_unchanged()
             raise InputError(f"{self.name} cannot be read: {one_line(error)}") from error
@@ -88,7 +86,7 @@ class Source:
     def close(self) -> None:
         """Leave a database that was opened by its URL; nothing can be fetched afterwards."""
         if self._secret:
-            databases.leave(self.table.get_backend())
+            self.table.engine.close()
 
     def check_unchanged(self) -> None:
         """After counting: is the log still what was checked?
@@ -108,12 +106,13 @@ class Source:
 
 
 def open_source(source: object, table: str | None = None) -> Source:
-    """Anything that holds a log, as an Ibis table.
+    """Anything that holds a log, as a table.
 
     Args:
         source: a path of a CSV, TSV, JSON Lines, Parquet, Arrow or DuckDB file; a folder or glob
-            of files of one kind; the URL of a database, as postgres://user:password@host/name; an
-            Ibis table; a data frame of pandas, polars or pyarrow; ``Interactions``.
+            of files of one kind; the URL of a database, as postgres://user:password@host/name; a
+            data frame of pandas, polars or pyarrow, or anything else that gives an Arrow stream;
+            ``Interactions``.
         table: of a database.
 
     Raises:
@@ -121,8 +120,6 @@ def open_source(source: object, table: str | None = None) -> Source:
     """
     if isinstance(source, Interactions):
         return _from_arrow(source.to_arrow(), "interactions", "Interactions")
-    if isinstance(source, ir.Table):
-        return _from_ibis(source)
     if isinstance(source, str | os.PathLike):
         text = os.fspath(source)
         if databases.is_url(text):
@@ -146,8 +143,8 @@ def open_source(source: object, table: str | None = None) -> Source:
             ) from error
         return _from_arrow(frame, "data frame", "data frame")
     raise InputError(
-        f"a log cannot be read from {type(source).__name__}: give a path, a database URL, an Ibis "
-        "table or a data frame"
+        f"a log cannot be read from {type(source).__name__}: give a path, a database URL or a data "
+        "frame"
     )
 
 
@@ -171,7 +168,7 @@ def _from_arrow(frame: pa.Table, name: str, kind: str) -> Source:
     check_names(name, tuple(frame.column_names))
     if not frame.num_rows:
         raise InputError(f"the {kind} has no rows: there is nothing to audit")
-    table = registered(engine(), "log", frame, name)
+    table = registered(embedded(), "log", frame, name)
     return Source(
         table,
         name,
@@ -179,13 +176,6 @@ def _from_arrow(frame: pa.Table, name: str, kind: str) -> Source:
         (Part(name, table, lambda i: f"row {i + 1}"),),
         frame.num_rows,
     )
-
-
-def _from_ibis(table: ir.Table) -> Source:
-    with contextlib.suppress(Exception):
-        name = table.get_name()
-        return Source(table, name, {"kind": "Ibis table", "table": name})
-    return Source(table, "Ibis table", {"kind": "Ibis table"})
 
 
 def _from_files(text: str, table: str | None) -> Source:
@@ -200,7 +190,7 @@ def _from_files(text: str, table: str | None) -> Source:
     with ThreadPoolExecutor(1) as aside:
         # texts are read through anyway, and described then
         hashed = aside.submit(_digest, paths[0]) if described and kind in BINARY else None
-        parts, rows, digest = READERS[kind](engine(), paths)
+        parts, rows, digest = READERS[kind](embedded(), paths)
     names = set(parts[0].table.columns)
     for part in parts[1:]:
         for name in sorted(names ^ set(part.table.columns)):
@@ -215,19 +205,20 @@ def _from_files(text: str, table: str | None) -> Source:
     return Source(_together(parts), text, description, tuple(parts), rows, stamps)
 
 
-def _together(parts: Sequence[Part]) -> ir.Table:
-    columns = parts[0].table.columns
-    schema = parts[0].table.schema()
-    tables = [parts[0].table]
+def _together(parts: Sequence[Part]) -> Table:
+    first = parts[0].table
+    if len(parts) == 1:
+        return first
     for part in parts[1:]:
-        for name in columns:
-            if part.table.schema()[name] != schema[name]:
+        for name, kind in first.kinds.items():
+            if part.table.kinds[name] != kind:
                 raise InputError(
-                    f"{part.name}: column {name!r} holds {part.table.schema()[name]}, in "
-                    f"{parts[0].name} {schema[name]}: give files of the same types"
+                    f"{part.name}: column {name!r} holds {part.table.kinds[name].name}, in "
+                    f"{parts[0].name} {kind.name}: give files of the same types"
                 )
-        tables.append(part.table.select(*columns))
-    return ibis.union(*tables, distinct=False) if len(tables) > 1 else tables[0]
+    every = {name: first[name] for name in first.columns}
+    union = " union all ".join(part.table.query(every) for part in parts)
+    return replace(first, source=f"({union}) as t")
 
 
 def _find(text: str) -> tuple[list[Path], str]:
@@ -293,9 +284,9 @@ def _from_duckdb(paths: list[Path], table: str | None) -> Source:
         raise InputError("a log is one DuckDB file: name the file")
     stamp = _stamp(paths[0])
     try:
-        con = engine(str(paths[0]), read_only=True)
-        name = databases.choose(str(paths[0]), databases.tables_of(con), table)
-        log = con.table(name)
+        engine = embedded(str(paths[0]), read_only=True)
+        name = databases.choose(str(paths[0]), engine.tables(), table)
+        log = engine.table(name)
     except duckdb.Error as error:
         raise damaged(paths[0], "DuckDB", error) from error
     check_names(paths[0], tuple(log.columns))

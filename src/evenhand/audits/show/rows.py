@@ -91,7 +91,7 @@ TERMINAL = (
 FORMAT = 1
 """Of the JSON; grows when a field changes its meaning or goes."""
 
-_ENGINES = ("ibis-framework", "duckdb", "numpy", "scipy")
+_ENGINES = ("duckdb", "numpy", "scipy")
 
 
 def rows(findings: Findings) -> list[dict[str, Any]]:

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import ibis
-from ibis.expr import types as ir
-
 from evenhand.audits.count.count import tally
 from evenhand.audits.count.tally import Tally
+from evenhand.audits.read.engines import Kind, Table
 from evenhand.audits.read.mapping import Mapping
+from evenhand.audits.read.readers import NOTHING
 from evenhand.audits.read.sources import Source, open_source
 from evenhand.audits.read.strict_csv import LONGEST, OPEN, WITHIN, between
 from evenhand.core.errors import InputError, unknown
@@ -179,26 +178,27 @@ class Follower:
         """
         if self.tail is not None:
             return self._from_text(self.tail)
-        ordered = self.source.table
-        if self.order is not None:
-            ordered = ordered.order_by(self.order)
-        there = int(self.source.fetch(ordered.aggregate(n=ordered.count()))["n"][0].as_py())
+        table = self.source.table
+        there = int(self.source.fetch(table.query({"n": "count(*)"}))["n"][0].as_py())
         if there < self.seen:
             raise InputError(f"{self.source.name} lost rows while it was watched: begin anew")
         full = min((there - self.seen) // self.batch, MOST) * self.batch
         self.left = there - self.seen - full
         if not full:
             return None
-        rows = ordered.limit(full, offset=self.seen)
+        rows = table.rows(f"{self._ordered(table)} limit {full} offset {self.seen}")
         if self.order is not None:
             self._check_order(rows, self.order, full)
         return self._counted(replace(self.source, table=rows, parts=(), rows=full), full)
 
-    def _check_order(self, rows: ir.Table, order: str, n: int) -> None:
+    def _ordered(self, table: Table) -> str:
+        return "" if self.order is None else f"order by {table[self.order]}"
+
+    def _check_order(self, rows: Table, order: str, n: int) -> None:
         """Rows alike in their order, or late ones, would be counted twice or never."""
         place = rows[order]
-        asked = rows.aggregate(n=place.nunique(), low=place.min(), high=place.max())
-        told = self.source.fetch(asked).to_pylist()[0]
+        asked = {"n": f"count(distinct {place})", "low": f"min({place})", "high": f"max({place})"}
+        told = self.source.fetch(rows.query(asked)).to_pylist()[0]
         if told["n"] < n:
             raise InputError(
                 f"{self.source.name}: column {order!r} is missing or the same in several rows: "
@@ -226,14 +226,15 @@ class Follower:
             ) from None
 
     def _counted(self, log: Source, services: int) -> Tally:
-        numbered: Any = log.table
+        table = log.table
         columns = [column for _, column in self.mapping.roles()]
         if self.tail is not None and self.tail.path.suffix.lower() in TEXT[2:]:
             # keys of JSON Lines that no service of these has
-            lacking = [column for column in columns if column not in numbered.columns]
-            numbered = numbered.mutate(**{name: ibis.null("string") for name in lacking})
-        place = ibis.row_number().over(ibis.window(order_by=self.order)) // self.batch
-        log = replace(log, table=numbered.mutate(**{_BATCH: place.cast("int64")}))
+            lacking = [column for column in columns if column not in table.columns]
+            table = table.having(dict.fromkeys(lacking, NOTHING))
+        place = f"row_number() over ({self._ordered(table)}) - 1"
+        batch = f"cast(floor(({place}) / {self.batch}.0) as bigint)"
+        log = replace(log, table=table.having({_BATCH: (batch, Kind("bigint", "whole"))}))
         counts, _ = tally(log, replace(self.mapping, within=(_BATCH,)), alone=True, waiting=False)
         self.seen += services
         return counts

@@ -31,7 +31,7 @@ from evenhand.experiments.comparison.settings import (
 from evenhand.experiments.settings import TEST_SEED
 from evenhand.report.table import write
 from evenhand.restaurant import worlds
-from evenhand.training import evaluate, run_folder, train
+from evenhand.training import epoch_log, evaluate, run_folder, train
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -168,7 +168,7 @@ def learn_and_serve(
             progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
         )
         table = evaluate.serve_policy(state, settings, services, seed)
-        biased = sum(line["biased_detector"] for line in run_folder.read_epochs(folder))
+        biased = sum(line["biased_detector"] for line in epoch_log.read(folder))
     elif method == "reference":
         table = evaluate.serve_reference(settings.world, services, seed)
     else:

@@ -7,7 +7,6 @@ and for nothing else: no network.
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import os
 import re
 import shutil
@@ -21,7 +20,7 @@ import gymnasium as gym
 import numpy as np
 
 from evenhand import __version__
-from evenhand.core import files
+from evenhand.core import extras, files
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.minari.episodes import ENVIRONMENT, Server, episodes
 from evenhand.experiments.settings import SEEDS, SERVICES
@@ -60,11 +59,7 @@ class Dataset:
 
 def check() -> None:
     """Before long work: is Minari there?"""
-    for package in ("minari", "h5py", "PIL"):
-        if importlib.util.find_spec(package) is None:
-            raise InputError(
-                f"a Minari dataset needs the package {package}: pip install 'evenhand[minari]'"
-            )
+    extras.require("minari", "a Minari dataset")
 
 
 def write(

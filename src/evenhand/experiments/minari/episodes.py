@@ -5,7 +5,7 @@ So each can be had again: ``reset`` with its seed, and take its actions.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.vector import RestaurantVectorEnv
-from evenhand.training import train
-from evenhand.training.settings import TrainSettings
-from evenhand.training.update import LearnerState
+
+if TYPE_CHECKING:
+    from evenhand.training.settings import TrainSettings
+    from evenhand.training.update import LearnerState
 
 ENVIRONMENT = "evenhand/Restaurant-v0"
 _LANES = 240
@@ -43,6 +44,8 @@ class Server:
 
 def trained(state: LearnerState, settings: TrainSettings, population: str | None = None) -> Server:
     """The robot of a run, which acts by chance as in training, in the world of its training."""
+    from evenhand.training import train
+
     world = settings.elsewhere(None, population)
     guidance = registry.name_of(settings.method)
     step = int(state.step)

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study, complete
+from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
+from evenhand.methods.paper.detector import complete
 from evenhand.methods.vocabulary import IDENTITIES, MANUAL_THRESHOLD, SIMULATED
 from evenhand.statistics import detector_accuracy
 from evenhand.statistics.chance import excess_scores

@@ -166,18 +166,13 @@ def study(demos: Demos, seed: int, model: respondents.RespondentModel | None = N
     who = rng.permutation(np.arange(windows) % people_asked.n)
     said = respondents.judge(people_asked, who, scores, shown, rng)
     seen = scores[np.arange(windows), shown]
-    whole = complete(seen)
+    whole = detector.complete(seen)
     kinds = [kind for kind, kept in zip(said.kinds, whole, strict=True) if kept]
     judged = (seen[whole], said.biased[whole], kinds)
     fitted = detector.fit(*judged, source=SIMULATED, seed=seed)
     evaluation = detector_accuracy.evaluate(*judged, source=SIMULATED, seed=seed, groups=who[whole])
     answers = respondents.questionnaire(people_asked, rng)
     return Study(scores, shown, who, said, answers, fitted, evaluation)
-
-
-def complete(scores: np.ndarray) -> np.ndarray:
-    """Windows without a score that Eq. 1 cannot say, [W, 4] -> bool [W]; only these are fitted."""
-    return np.isnan(scores).sum(axis=1) == 0
 
 
 def behaviour(demos: Demos, kind: str) -> dict[str, np.ndarray]:

@@ -15,9 +15,10 @@ from evenhand.experiments.paper import claims, demonstrations, tables
 from evenhand.experiments.paper.report.build import build
 from evenhand.experiments.settings import DEMO_SEED, PRESETS, TEST_SEED, ReproduceSettings
 from evenhand.methods import detector_file, registry
+from evenhand.report.table import write
 from evenhand.restaurant import replay
 from evenhand.restaurant.replay.page import read_script
-from evenhand.training import checkpoint, evaluate, recordings, run_folder
+from evenhand.training import checkpoint, epoch_log, evaluate, recordings, run_folder
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -249,7 +250,7 @@ def _write_tables(
     for result in results:
         algorithm, name = ARMS[result["arm"]]
         head = {name: result[name] for name in ("preset", "arm", "seed")}
-        lines = run_folder.read_epochs(result["folder"])
+        lines = epoch_log.read(result["folder"])
         epochs += [
             head
             | {
@@ -269,11 +270,11 @@ def _write_tables(
             "reflection_alarms": sum(row["alarm"] for row in found) if found else None,
         }
         tidy += [head | {"metric": name, "value": value} for name, value in numbers.items()]
-    tables.write(data / "epochs.csv", epochs)
-    tables.write(data / "test.csv", test)
+    write(data / "epochs.csv", epochs)
+    write(data / "test.csv", test)
     # a preset without Evenhand's own arms has no row of it
-    tables.write(data / "reflection.csv", reflected, tables.REFLECTION_COLUMNS)
-    tables.write(out / "results.csv", tidy, ("preset", "arm", "seed", "metric", "value"))
+    write(data / "reflection.csv", reflected, tables.REFLECTION_COLUMNS)
+    write(out / "results.csv", tidy, ("preset", "arm", "seed", "metric", "value"))
     files.write_json(out / "claims.json", claims.all_claims(shown, study, epochs, test))
 
 

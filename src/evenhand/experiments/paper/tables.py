@@ -11,6 +11,7 @@ from evenhand.experiments.paper import corrected_detector, demonstrations
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
+from evenhand.methods.paper.detector import complete
 from evenhand.methods.vocabulary import IDENTITIES, ISSUES
 from evenhand.report.table import Row, write
 from evenhand.restaurant import people
@@ -226,7 +227,7 @@ def tsne(demos: Demos, study: Study, seed: int) -> list[Row]:
     """t-SNE of the judged scores in three dimensions."""
     from sklearn.manifold import TSNE
 
-    rows = np.flatnonzero(demonstrations.complete(study.seen))
+    rows = np.flatnonzero(complete(study.seen))
     seen = study.seen[rows]
     perplexity = min(30.0, (len(seen) - 1) / 3)
     placed = TSNE(

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from importlib.resources import files as resources
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,6 @@ from evenhand.restaurant import people, worlds
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import UpdateSettings
 
-EXAMPLE = Path(str(resources("evenhand.experiments.sweep") / "data" / "sweep.toml"))
-"""A sweep to start from."""
 UPDATE = (
     "learning_rate", "adam_eps", "passes", "minibatches", "clip", "entropy_coefficient",
     "value_coefficient", "max_grad_norm", "gamma", "gae_lambda", "normalise_advantage",

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evenhand.core import files, plugins
+from evenhand.core import extras, files, plugins
 from evenhand.core.errors import InputError
 from evenhand.core.processes import RETRIES, Event, Outcome, one_thread
 from evenhand.experiments.sweep.files import Keeper
@@ -55,13 +55,10 @@ def connected(address: str) -> Iterator[RayCluster]:
     _knock(address)
     os.environ |= {name: os.environ.get(name, value) for name, value in _QUIET.items()}
     one_thread()
-    try:
-        import ray
-        from ray import tune  # noqa: F401 - a Ray without Tune is noticed now
-    except ImportError as error:
-        raise InputError(
-            f"--ray needs the package {error.name}: pip install 'evenhand[ray]'"
-        ) from error
+    extras.require("ray", "--ray")
+    import ray
+    from ray import tune  # noqa: F401 - imported while nothing else runs
+
     _check_answer(address)
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
@@ -136,8 +133,8 @@ def _check_machines(versions: dict[str, str]) -> None:
         except RayError as error:
             last = str(error).strip().rpartition("\n")[2]
             raise InputError(
-                f"machine {place} of the cluster cannot run Evenhand ({last}): install "
-                f"'evenhand[ray]' {versions['evenhand']} there"
+                f"machine {place} of the cluster cannot run Evenhand ({last}): there, "
+                f"{extras.install('ray')} {versions['evenhand']}"
             ) from error
         differs = files.differences(theirs, versions)
         if differs:

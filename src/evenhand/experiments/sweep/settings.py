@@ -4,11 +4,14 @@ import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from importlib.resources import files as resources
 from pathlib import Path
 from typing import Any
 
 from evenhand.experiments.comparison.settings import Cell, CompareSettings, plain
 
+EXAMPLE = Path(str(resources("evenhand.experiments.sweep") / "data" / "sweep.toml"))
+"""A sweep to start from."""
 Value = bool | int | float | str | tuple[int, ...]
 EPOCHS = (2, 100_000)
 """Fewest and most updates of a run."""

@@ -241,6 +241,11 @@ class Detector:
         )
 
 
+def complete(scores: np.ndarray) -> np.ndarray:
+    """Windows without a score that Eq. 1 cannot say, [W, 4] -> bool [W]; only these are fitted."""
+    return np.isnan(scores).sum(axis=1) == 0
+
+
 def fit(
     issue_scores: ArrayLike,
     biased: ArrayLike,

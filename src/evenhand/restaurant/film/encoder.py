@@ -14,6 +14,7 @@ from typing import IO
 
 import numpy as np
 
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 from evenhand.restaurant.film.motion import RATE
 
@@ -29,14 +30,13 @@ def ffmpeg() -> str:
     Raises:
         InputError: when it is not installed.
     """
-    try:
-        import imageio_ffmpeg
+    extras.require("film", "a clip")
+    import imageio_ffmpeg
 
+    try:
         return imageio_ffmpeg.get_ffmpeg_exe()
-    except (ImportError, RuntimeError) as error:
-        raise InputError(
-            "clips need ffmpeg, which comes with an extra: pip install 'evenhand[film]'"
-        ) from error
+    except RuntimeError as error:
+        raise InputError(f"a clip needs ffmpeg: {extras.install('film')}") from error
 
 
 def write(
@@ -135,8 +135,8 @@ def _start(
         )
     except OSError as error:
         raise InputError(
-            f"ffmpeg cannot be started ({program}: {error.strerror or error}): install it anew "
-            "with pip install 'evenhand[film]', and leave IMAGEIO_FFMPEG_EXE unset"
+            f"ffmpeg cannot be started ({program}: {error.strerror or error}): leave "
+            f"IMAGEIO_FFMPEG_EXE unset and {extras.install('film')}"
         ) from error
 
 

@@ -5,6 +5,7 @@ from typing import Any
 from sqlalchemy import URL, Connection, Engine, StaticPool, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError
 
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 
 MEMORY = "sqlite://"
@@ -81,7 +82,7 @@ def engine(url: URL, wait: float = WAIT, connections: int = 8) -> Engine:
         )
     except (ImportError, NoSuchModuleError):
         raise InputError(
-            "PostgreSQL needs its driver: pip install 'evenhand[study,postgres]'"
+            f"PostgreSQL needs its driver: {extras.install('study', 'postgres')}"
         ) from None
 
 

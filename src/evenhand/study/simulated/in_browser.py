@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from evenhand.core import extras
 from evenhand.core.errors import InputError
 from evenhand.study.design.protocol import Protocol
 from evenhand.study.simulated.over_http import Server, meet
@@ -96,12 +97,9 @@ def take(
 @contextmanager
 def browser() -> Iterator[Browser]:
     """A Chromium without a window: the machine's own, else playwright's."""
-    try:
-        from playwright.sync_api import Error, sync_playwright
-    except ImportError:
-        raise InputError(
-            "the real pages need the package playwright: pip install 'evenhand[pages]'"
-        ) from None
+    extras.require("pages", "a simulated participant in the real pages")
+    from playwright.sync_api import Error, sync_playwright
+
     own = next((found for name in _NAMES if (found := shutil.which(name))), None)
     # Chromium refuses to be root in a sandbox
     flags = [*_FLAGS, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
