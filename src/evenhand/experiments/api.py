@@ -367,7 +367,7 @@ def train(
                 recorded=True,
                 threads=threads,
             )
-            lines = epoch_log.read_epochs(folder)
+            lines = epoch_log.read(folder)
             return Run(settings, state, lines, run_folder.read_services(folder), folder)
         learning.check_detector(judge, settings)
         lines, tables, state = [], [], None
