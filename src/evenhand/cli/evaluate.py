@@ -19,8 +19,8 @@ from evenhand.cli.inputs import (
     Population,
     Robot,
     RunFolder,
-    Scenario,
     Strength,
+    scenario_help,
 )
 from evenhand.core.errors import whole
 from evenhand.core.processors import CORES, THREADS

@@ -33,7 +33,8 @@ Plugin = Annotated[
         help_behavior_hint=OPTIONAL,
     ),
 ]
-SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
+ENDINGS = (".parquet", ".csv")
 SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
 
 
@@ -53,33 +54,6 @@ def scenario_help(otherwise: str = "") -> str:
     names = registered("evenhand.restaurant.worlds", SCENARIOS)
     text = f"Where people are served: {names}.\nSeveral are joined by a plus: perception+tips."
     return f"{text} {otherwise}".rstrip()
-
-
-Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
-
-
-def registered(module: str, names: str) -> str:
-    """Names of what can be chosen, with those that plugins have registered.
-
-    Args:
-        module: that holds the registry; imported only by plugins, since a help need not wait.
-        names: that Evenhand brings.
-    """
-    loaded = sys.modules.get(module)
-    return names if loaded is None else ", ".join(loaded.names())
-
-
-def scenario_help(otherwise: str = "") -> str:
-    """Help of an option that names a scenario."""
-    names = registered("evenhand.restaurant.worlds", SCENARIOS)
-    return f"""Where people are served: {names}.
-    Several are joined by a plus: perception+tips. {otherwise}""".rstrip()
-
-
-Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
-
-
-ENDINGS = (".parquet", ".csv")
 
 
 def load_physics() -> None:
