@@ -33,6 +33,8 @@ Plugin = Annotated[
         help_behavior_hint=OPTIONAL,
     ),
 ]
+Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
+ENDINGS = (".parquet", ".csv")
 SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
 
 
@@ -50,14 +52,8 @@ def registered(module: str, names: str) -> str:
 def scenario_help(otherwise: str = "") -> str:
     """Help of an option that names a scenario."""
     names = registered("evenhand.restaurant.worlds", SCENARIOS)
-    return f"""Where people are served: {names}.
-    Several are joined by a plus: perception+tips. {otherwise}""".rstrip()
-
-
-Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
-
-
-ENDINGS = (".parquet", ".csv")
+    text = f"Where people are served: {names}.\nSeveral are joined by a plus: perception+tips."
+    return f"{text} {otherwise}".rstrip()
 
 
 def load_physics(extra: str = "sim") -> None:

@@ -26,8 +26,8 @@ from evenhand.methods.services import Interactions
 from evenhand.restaurant import worlds
 from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.restaurant.worlds import World
-from evenhand.training import evaluate as testing
 from evenhand.training import epoch_log, run_folder
+from evenhand.training import evaluate as testing
 from evenhand.training import train as learning
 from evenhand.training.jax_setup import set_up_jax
 from evenhand.training.settings import TrainSettings, settings_of
