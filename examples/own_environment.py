@@ -8,9 +8,9 @@ import numpy as np
 
 from evenhand.adapters import Fact, Identity, JudgeServices, JudgeSettings, Scheme, own_issue
 
-PACES, LONGEST = ("brisk", "slow"), 6
+LONGEST = 6
 SCHEME = Scheme(
-    identities=(Identity("pace", PACES),),
+    identities=(Identity("pace", ("brisk", "slow")),),
     facts=(Fact("held", int, least=0), Fact("needed", int, least=1)),
     issues=(own_issue("shut too early", ["held", "needed"], lambda held, need: held < need),),
 )
@@ -32,16 +32,15 @@ class Door(gym.Env):
         """One decision is a service."""
         needed = (2, 5)[self.slow]
         info = {"pace": self.slow, "held": int(action), "needed": needed}
-        reward = float(action >= needed) - 0.12 * float(action)
-        return np.zeros(1, np.float32), reward, True, False, info
+        return np.zeros(1, np.float32), (action >= needed) - 0.12 * action, True, False, info
 
 
 def facts_of(ended):
-    """Who was served and what happened, an array each."""
+    """Who was served, and what happened."""
     return {name: ended.info(name) for name in ("pace", "held", "needed")}
 
 
-def main(method="levelup", services=4000, seed=0):
+def main(method="levelup", services=1500, seed=0):
     """Learn how long to hold the door; returns the judged environment and the odds learned."""
     env = JudgeServices(Door(), SCHEME, facts_of, settings=JudgeSettings(method=method))
     rng, logits, mean = np.random.default_rng(seed), np.zeros(LONGEST), 0.0
@@ -58,5 +57,4 @@ def main(method="levelup", services=4000, seed=0):
 
 
 if __name__ == "__main__":
-    for chosen in ("service", "levelup"):
-        print(chosen, "holds the door 0 to 5 s with odds", main(chosen)[1].round(2))
+    print("odds of 0 to 5 s:", *(main(one)[1].round(2) for one in ("service", "levelup")))

@@ -23,7 +23,7 @@ class Mine:
         """Rewards of the services [n], and the counts from now on."""
         errors = np.nansum(epoch.x, axis=1)
         inside = np.nan_to_num(epoch.inside)
-        memory = memory + [inside.sum(axis=0), inside.T @ errors]
+        memory = memory + np.stack([inside.sum(axis=0), inside.T @ errors])
         rate = memory[1] / np.maximum(memory[0], 1.0)
         worst = (inside * rate).max(axis=1)
         return epoch.reward - self.strength * worst * errors, memory

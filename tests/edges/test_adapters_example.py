@@ -99,3 +99,26 @@ def test_stable_baselines_writes_its_report(monkeypatch, tmp_path):
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
 def test_an_example_is_short_enough_to_read(path):
     assert len(path.read_text().splitlines()) < 220
+
+
+class TestOwnParts:
+    """A method, a scenario and an environment of a user's own, and how short they are."""
+
+    @pytest.mark.parametrize(
+        ("name", "most"), [("own_method", 40), ("own_scenario", 25), ("own_environment", 60)]
+    )
+    def test_it_is_short(self, name, most):
+        assert len((EXAMPLES / f"{name}.py").read_text().splitlines()) <= most
+
+    def test_a_method_is_compared(self, monkeypatch):
+        example = load("own_method", monkeypatch)
+        result = example.main(epochs=2, seeds=1, services=60)
+        assert {*result.frame["arm"]} == {"service", "levelup", "mine", "mine@0.1"}
+
+    def test_an_environment_is_guided(self, monkeypatch):
+        example = load("own_environment", monkeypatch)
+        env, odds = example.main("levelup", services=300)
+        env.write()
+        assert len(env.services) == 300
+        assert env.services.identity("pace")[1] == ("brisk", "slow")
+        assert odds.sum() == pytest.approx(1.0)
