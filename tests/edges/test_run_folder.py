@@ -199,8 +199,9 @@ class TestEvaluate:
         for folder, epochs in ((undisturbed, 5), (half, 4)):
             shown = cli("evaluate", folder, "--services", 30)
             assert (shown.code, shown.err) == (0, "")
-            assert f"after {epochs} of 5 epochs: 30 services, seed 1000000" in " ".join(
-                shown.out.split()
+            assert (
+                f"after {epochs} of 5 epochs: 30 services, scenario even, seed 1000000"
+                in " ".join(shown.out.split())
             )
         found = [
             json.loads(cli("evaluate", undisturbed, "--services", 300, "--json", *more).out)
@@ -315,7 +316,7 @@ def test_a_damaged_run_is_refused_and_left_alone(half, detector, content, spoil,
 def test_a_run_of_another_version_cannot_be_evaluated(half):
     def rename(content: dict) -> None:
         content["settings"]["patience"] = content["settings"].pop("threshold")
-        content["fingerprints"]["settings"] = run_folder.checkpoint.fingerprint(content["settings"])
+        content["whole"] = run_folder.checkpoint.fingerprint(content["settings"])
 
     edit_settings(rename)(half)
     with pytest.raises(InputError, match="differs in patience, threshold: use that version"):

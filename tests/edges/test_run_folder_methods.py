@@ -79,10 +79,7 @@ def test_it_is_the_past_that_makes_it_the_same(detector, tmp_path, monkeypatch):
         kept = checkpoint.load(
             tmp_path / name / "checkpoint.npz",
             State(train.untrained(settings), empty),
-            {
-                "settings": checkpoint.fingerprint(run_folder.as_dict(settings)),
-                "detector": checkpoint.fingerprint(run_folder.as_dict(detector)),
-            },
+            {"detector": checkpoint.fingerprint(run_folder.as_dict(detector))},
         )
         assert kept.state.memory.reflection.filled == 2
 

@@ -131,7 +131,7 @@ def older(tmp_path) -> Callable[[Callable[[dict], None]], Path]:
         run_folder.execute(folder, SETTINGS, detector_file.load(detector_file.SHIPPED))
         noted = json.loads((folder / "settings.json").read_text())
         change(noted)
-        noted["fingerprints"]["settings"] = checkpoint.fingerprint(noted["settings"])
+        noted["whole"] = checkpoint.fingerprint(noted["settings"])
         (folder / "settings.json").write_text(json.dumps(noted))
         return folder
 

@@ -50,10 +50,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
         {"preset": "service", "method": 3},
         "3 is no method: register its class with @evenhand.method, or give a name",
     ),
-    *(({"method": name}, PAPER.format(name)) for name in registry.BUILT_IN if name not in PRINTED),
+    *(
+        ({"preset": "paper", "method": name}, PAPER.format(name))
+        for name in registry.BUILT_IN
+        if name not in PRINTED
+    ),
     *(
         (
-            {"scenario": name},
+            {"preset": "paper", "scenario": name},
             "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
             f"{name!r}: choose the preset service, or a scenario without tips",
         )
