@@ -112,7 +112,7 @@ class TestOwnParts:
 
     def test_a_method_is_compared(self, monkeypatch):
         example = load("own_method", monkeypatch)
-        result = example.main(epochs=2, seeds=1, services=60)
+        result = example.main(epochs=2, seeds=1, services=300)
         assert {*result.frame["arm"]} == {"service", "levelup", "mine", "mine@0.1"}
 
     def test_an_environment_is_guided(self, monkeypatch):

@@ -87,7 +87,7 @@ def test_scripted_robots_and_worlds_can_be_tested():
 
 def test_a_comparison(tmp_path):
     result = evenhand.compare(
-        ["service", "levelup@2"], scenarios=["tips"], seeds=1, epochs=2, services=60,
+        ["service", "levelup@2"], scenarios=["tips"], seeds=1, epochs=2, services=300,
         out=tmp_path / "out", workers=1,
     )  # fmt: skip
     frame = result.frame

@@ -360,3 +360,15 @@ class TestRows:
         with contextlib.suppress(ValueError):  # read-only is as good
             seen[:] = 9.0
         np.testing.assert_array_equal(table.fact(name), before)
+
+
+def test_other_libraries_take_it_by_arrow_and_it_says_what_it_holds():
+    import polars as pl
+    import pyarrow as pa
+
+    table = Interactions.build(
+        identities={"age": ([0, 1], ["child", "adult"])}, facts={"responded": [True, None]}
+    )
+    assert pa.table(table).column_names == ["age", "responded"]
+    assert pl.DataFrame(table)["responded"].to_list() == [True, None]
+    assert repr(table) == "Interactions of 2 services; identities: age; facts: responded"

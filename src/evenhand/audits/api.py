@@ -25,10 +25,12 @@ from evenhand.audits.show import sentences
 from evenhand.audits.show.wording import About, meanings
 from evenhand.core import files
 from evenhand.core.errors import InputError, unknown
+from evenhand.core.frames import data_frame
 from evenhand.core.wording import joined
 from evenhand.methods import detector_file
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pyarrow as pa
     from matplotlib.figure import Figure
 
@@ -36,7 +38,7 @@ SYNTHETIC_COLUMN, SYNTHETIC = "source", "synthetic"
 """A log whose column says so in every row is called synthetic wherever it is shown."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Audit:
     """A finished audit.
 
@@ -75,6 +77,20 @@ class Audit:
     def table(self) -> pa.Table:
         """A row for each group and issue; ``.to_pandas()`` makes a data frame of it."""
         return _arrow(forms.rows(self.findings), forms.COLUMNS)
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """``table`` as a data frame of pandas."""
+        return data_frame(self.table.to_pylist())
+
+    def plot(self, identity: str | None = None) -> Figure:
+        """``figure`` of an identity, by default of the first one."""
+        from evenhand.audits.show import figures
+
+        return self.figure(identity or figures.identities(self.findings)[0])
+
+    def __repr__(self) -> str:
+        return f"Audit of {self.about.title}: {self.services:,} services, {self.verdict}"
 
     @property
     def waits(self) -> pa.Table:

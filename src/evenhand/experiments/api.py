@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.core import extras, files, terminal
+from evenhand.core import files, terminal
 from evenhand.core.errors import InputError, whole
+from evenhand.core.frames import data_frame
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 from evenhand.methods import detector_file, registry
@@ -26,6 +27,7 @@ from evenhand.methods.services import Interactions
 from evenhand.restaurant import worlds
 from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.restaurant.worlds import World
+from evenhand.statistics.intervals import wilson
 from evenhand.training import epoch_log, run_folder
 from evenhand.training import evaluate as testing
 from evenhand.training import train as learning
@@ -40,13 +42,6 @@ if TYPE_CHECKING:
 LAST = 40
 """Epochs at the end of a training that its summary is a mean of."""
 _CURVES = {"total": "total issue score", "perfect_rate": "perfect services"}
-
-
-def _data_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    extras.require("train", "a data frame")
-    import pandas as pd
-
-    return pd.DataFrame(list(rows))
 
 
 def _table(rows: Sequence[tuple[str, str]], title: str) -> str:
@@ -80,7 +75,7 @@ class Run:
     @property
     def frame(self) -> pd.DataFrame:
         """A row for each epoch, a column for each number."""
-        return _data_frame(self.epochs)
+        return data_frame(self.epochs)
 
     def plot(self) -> Figure:
         """Total issue score and share of perfect services by epoch, with their trailing mean."""
@@ -186,21 +181,26 @@ class Evaluation:
     @property
     def frame(self) -> pd.DataFrame:
         """``groups`` as a data frame."""
-        return _data_frame(self.groups)
+        return data_frame(self.groups)
 
     def plot(self) -> Figure:
-        """Share of perfect services of every group."""
+        """Share of perfect services of every group, with 95 % intervals (Wilson)."""
         from evenhand.report import style
 
         rows = [row for row in self.groups if row["services"]]
+        n = np.array([row["services"] for row in rows])
+        rate = np.array([row["perfect_rate"] for row in rows])
+        low, high = wilson(np.round(rate * n), n)
         with style.drawing():
             figure = style.new_figure(True, 0.6 + 0.17 * len(rows))
             ax = figure.subplots()
             places = np.arange(len(rows))[::-1]
-            ax.plot([100 * row["perfect_rate"] for row in rows], places, "o", color=style.INK)
-            ax.set_yticks(places, [f"{row['identity']}: {row['group']}" for row in rows])
+            ax.hlines(places, 100 * low, 100 * high, color=style.GREY)
+            ax.plot(100 * rate, places, "o", color=style.INK)
+            names = [f"{row['identity']}: {row['group']} ({row['services']:,})" for row in rows]
+            ax.set_yticks(places, names)
             ax.axvline(100 * self.summary["perfect_rate"], color=style.GREY, linewidth=0.8)
-            ax.set_xlabel("perfect services, %; line: everybody")
+            ax.set_xlabel("perfect services, % (95 % interval; line: everybody)")
         return figure
 
     def _numbers(self) -> list[tuple[str, str]]:
@@ -246,7 +246,7 @@ class Comparison:
     @property
     def summary(self) -> pd.DataFrame:
         """A row for each scenario, algorithm and arm: interquartile means and intervals."""
-        return _data_frame(self.rows)
+        return data_frame(self.rows)
 
     def plot(self) -> Figure:
         """Evenness against service, a panel for each scenario, of the first algorithm."""
@@ -286,7 +286,7 @@ class Comparison:
 
 def _data_frame_of(data: Any) -> pd.DataFrame:
     names = list(data.columns)
-    return _data_frame(
+    return data_frame(
         [dict(zip(names, row, strict=True)) for row in zip(*data.columns.values(), strict=True)]
     )
 

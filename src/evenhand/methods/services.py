@@ -381,6 +381,17 @@ class Interactions:
             and self._table.equals(other._table)
         )
 
+    def __arrow_c_stream__(self, requested_schema: Any = None) -> Any:
+        """The table for any library that speaks Arrow: ``polars.from_arrow(services)``."""
+        return self._table.__arrow_c_stream__(requested_schema)
+
+    def __repr__(self) -> str:
+        facts = [name for name in self.column_names if name not in self._identities]
+        return (
+            f"Interactions of {len(self):,} services; identities: {', '.join(self._identities)}; "
+            f"facts: {', '.join(facts)}"
+        )
+
     __hash__ = None  # type: ignore[assignment]
 
     def fact(self, name: str) -> np.ndarray:

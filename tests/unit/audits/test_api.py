@@ -246,3 +246,9 @@ def test_what_the_log_cannot_tell_is_said():
         "quality", "priority", "risk", "waiting",
     ]  # fmt: skip
     assert not told.synthetic
+
+
+def test_a_finding_is_a_frame_a_figure_and_a_line(found):
+    assert found.frame["group"].tolist() == found.table["group"].to_pylist()
+    assert found.plot().axes
+    assert repr(found).endswith(f"{found.services:,} services, {found.verdict}")
