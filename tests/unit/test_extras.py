@@ -11,7 +11,7 @@ from evenhand.core.errors import InputError
 
 
 def test_the_first_package_that_is_missing_is_named_and_what_brings_it(monkeypatch):
-    there = {"gymnasium", "mujoco", "numba", "llvmlite", "jax"}
+    there = {"gymnasium", "mujoco", "numba", "jax"}
     monkeypatch.setattr(extras, "find_spec", lambda name: True if name in there else None)
     extras.require("sim", "this")
     with pytest.raises(InputError) as caught:

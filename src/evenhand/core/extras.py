@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from evenhand.core.errors import InputError
 
-_SIM = ("gymnasium", "mujoco", "numba", "llvmlite")
+_SIM = ("gymnasium", "mujoco", "numba")
 _TRAIN = (*_SIM, "jax", "equinox", "optax", "pandas")
 _STUDY = ("fastapi", "pydantic", "sqlalchemy", "starlette", "uvicorn")
 
