@@ -1,7 +1,6 @@
 """A method of your own: every error of a group costs more, the more often it met one so far.
 
-python examples/own_method.py        # or: evenhand compare --plugin examples/own_method.py
-                                     #     --arms service mine mine@0.1 --scenarios tips --seeds 3
+python examples/own_method.py    # or: evenhand compare --plugin examples/own_method.py --arms mine
 """
 
 import sys
@@ -14,6 +13,8 @@ import evenhand as ev
 @ev.method("mine", strength=0.3, label="dearer errors", colour="teal")
 class Mine:
     """Services of a group with a high error rate lose up to ``strength`` for each error."""
+
+    strength: float = 0.3
 
     def begin(self, scheme):
         """Nobody has been served yet: services and errors of each group."""

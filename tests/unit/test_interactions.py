@@ -367,7 +367,8 @@ def test_other_libraries_take_it_by_arrow_and_it_says_what_it_holds():
     import pyarrow as pa
 
     table = Interactions.build(
-        identities={"age": ([0, 1], ["child", "adult"])}, facts={"responded": [True, None]}
+        identities={"age": (np.array([0, 1]), ["child", "adult"])},
+        facts={"responded": [True, None]},
     )
     assert pa.table(table).column_names == ["age", "responded"]
     assert pl.DataFrame(table)["responded"].to_list() == [True, None]

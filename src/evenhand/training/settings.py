@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -85,6 +85,10 @@ class TrainSettings:
     def world(self) -> worlds.World:
         """Of the scenario, with the population that was chosen."""
         return worlds.scenario(self.scenario, self.population)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # without the world, whose rules may be functions that no other process can be sent
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     def elsewhere(self, scenario: str | None, population: str | None) -> worlds.World:
         """Where to test what was trained; what is None is as in training."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.methods import registry
 from evenhand.core.errors import InputError
+from evenhand.methods import registry
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
