@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand.core import files
-from evenhand.core.plugins import load_plugin
+from evenhand.core import files, plugins
 from evenhand.methods.paper import issues
 from evenhand.restaurant import people, serve_people, worlds
 from evenhand.restaurant.robots import ScriptedRobot
@@ -26,8 +25,11 @@ SCENARIOS = (
 
 
 @pytest.fixture(autouse=True)
-def _own():
-    load_plugin(EXAMPLE)
+def _own(monkeypatch):
+    monkeypatch.setattr(worlds, "_SCENARIOS", dict(worlds._SCENARIOS))
+    monkeypatch.setattr(plugins, "_files", {})
+    monkeypatch.setenv(plugins.VARIABLE, "")
+    plugins.load_plugin(EXAMPLE)
 
 
 def assert_same(one: serve.Services, other: serve.Services) -> None:
