@@ -33,7 +33,7 @@ from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.simulation import layout, scene, task
 from evenhand.restaurant.simulation.lanes import Lanes
-from evenhand.restaurant.simulation.world import simulation_of
+from evenhand.restaurant.simulation.physics import simulation_of
 from evenhand.restaurant.vector import RestaurantVectorEnv
 from evenhand.training import train
 from evenhand.training.evaluate import WINDOW
@@ -177,7 +177,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
             break
         ended = lanes.walk(active)
         for lane in active:
-            kept[lane][2].append(lanes.world.command[lane].copy())
+            kept[lane][2].append(lanes.physics.command[lane].copy())
         active = active[~ended]
     return kept
 

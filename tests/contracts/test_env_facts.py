@@ -36,7 +36,7 @@ class TestFacts:
         out = []
         for service, end in enumerate([0, 3, 90, 160, 201, 240, 299, None, None]):
             observation, _ = env.reset(seed=100 + service)
-            world = env._lanes.world
+            world = env._lanes.physics
 
             setups, row = env._source.current(0)
             person = setups.position[row, 0]

@@ -16,7 +16,7 @@ from evenhand.methods import registry
 from evenhand.methods.paper.scores import Counts, gaps, issue_score
 from evenhand.restaurant import people
 from evenhand.restaurant.simulation import layout
-from evenhand.restaurant.simulation.world import World
+from evenhand.restaurant.simulation.physics import Physics
 from evenhand.training.settings import PRESETS, TrainSettings, settings_of
 from support import claimed
 
@@ -225,7 +225,7 @@ def walked() -> list[np.ndarray]:
     """True distances of robots that only walk, at every decision after step 200, [20][n]."""
     n = 400
     setups = layout.draw(people.population("uniform"), n, np.random.default_rng(2))
-    world = World(n)
+    world = Physics(n)
     world.place(np.arange(n), world.prepare(setups), np.arange(n))
     world.walk(None, 200)
     distances = []

@@ -10,7 +10,7 @@ from scipy import stats
 from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.simulation import layout, scene
-from evenhand.restaurant.simulation.world import World, simulation_of
+from evenhand.restaurant.simulation.physics import Physics, simulation_of
 from support.setups import bumping, crowded, drawn
 
 LEAN = scene.model()
@@ -65,7 +65,7 @@ class TestPlainLoop:
     @pytest.mark.parametrize(("steps", "threads"), [(1, 1), (5, 1), (5, 3)])
     def test_bit_by_bit_to_the_end_of_every_service(self, steps, threads):
         setups = bumping(7, seed=3)
-        world = World(4, threads)
+        world = Physics(4, threads)
         assert world._batch.nthread == threads
         fields = {name: world._batch.bind(name) for name in ("qpos", "qvel", "ncon")}
         fields["sensordata"] = world._batch.bind("sensordata")[:, : LEAN.nsensordata]
@@ -102,7 +102,7 @@ class TestPlainLoop:
     def test_pushes_by_several_at_once(self):
         # the order of contacts counts, too
         setups = crowded(300, seed=4)
-        world = World(len(setups))
+        world = Physics(len(setups))
         world.place(np.arange(len(setups)), world.prepare(setups), np.arange(len(setups)))
         plain = [Plain(setups, row) for row in range(len(setups))]
         at_once = set()
@@ -118,7 +118,7 @@ class TestPlainLoop:
 
     def test_what_a_simulation_did_before_leaves_no_trace(self):
         setups = bumping(2, seed=5)
-        fresh, used = World(1), World(1)
+        fresh, used = Physics(1), Physics(1)
         first, second = setups[:1], setups[1:]
         used.place(np.array([0]), used.prepare(first), np.array([0]))
         used.walk(None, 150)
@@ -147,7 +147,7 @@ DRIVEN = 200
 def driven():
     """Speeds, commands and facts of robots that walk for 300 steps and never respond."""
     setups = drawn(DRIVEN, seed=11)
-    world = World(DRIVEN)
+    world = Physics(DRIVEN)
     velocity = world._batch.bind("qvel")
     world.place(np.arange(DRIVEN), world.prepare(setups), np.arange(DRIVEN))
     speeds, commands = [velocity.copy()], []

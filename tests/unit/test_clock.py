@@ -9,7 +9,7 @@ from mujoco.batch import Batch
 from evenhand.methods import detector_file
 from evenhand.restaurant.simulation import driving, scene
 from evenhand.restaurant.simulation.clock import untimed
-from evenhand.restaurant.simulation.world import World
+from evenhand.restaurant.simulation.physics import Physics
 from evenhand.training import train
 from evenhand.training.settings import settings_of
 
@@ -112,7 +112,7 @@ def while_running(monkeypatch):
 
 def test_environments_step_without_a_clock(while_running):
     heard = while_running(Batch, "rollout")
-    World(2).walk(None, 10)
+    Physics(2).walk(None, 10)
     assert heard == [False, False]
     assert ticks()
 

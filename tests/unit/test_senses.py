@@ -148,7 +148,7 @@ class TestLanes:
         lanes, one = Lanes(1, settings), np.zeros(1, np.int64)
         chances = sensing.Chances(np.array([noise]), np.array([fails]), np.ones(1))
         lanes.begin(one, lanes.prepare(setups, chances), one)
-        known, truth = lanes.perceived[0], lanes.world.truth[0]
+        known, truth = lanes.perceived[0], lanes.physics.truth[0]
         out = [(known["reading"], known["age"], truth["distance"])]
         for _ in range(settings.decisions):
             lanes.walk(one)

@@ -15,7 +15,7 @@ from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import kernels, layout, task
 from evenhand.restaurant.simulation.lanes import Beginning, Lanes
-from evenhand.restaurant.simulation.world import Rows
+from evenhand.restaurant.simulation.physics import Rows
 
 BLOCK = 64
 """Set-ups that a lane draws at a time from its own generator."""
@@ -214,7 +214,7 @@ def finished(lanes: Lanes, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # much faster than zeros of a structured type
     facts = np.zeros((lanes.n, FACTS.itemsize // 8)).view(FACTS)[:, 0]
     reward = np.zeros(lanes.n)
-    kernels.finish(ids, lanes.world.truth, lanes.perceived, facts, reward, floor_plan.MAX_STEPS)
+    kernels.finish(ids, lanes.physics.truth, lanes.perceived, facts, reward, floor_plan.MAX_STEPS)
     return facts, reward
 
 

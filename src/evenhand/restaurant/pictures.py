@@ -58,7 +58,7 @@ class Pictures:
             from evenhand.restaurant.drawing.renderer import Screen
 
             self._screen = Screen(self.camera)
-        return self._screen.picture(source.lanes.world, lane, *source.current(lane))
+        return self._screen.picture(source.lanes.physics, lane, *source.current(lane))
 
     def close(self) -> None:
         """Free the renderer.

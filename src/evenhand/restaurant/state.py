@@ -22,7 +22,7 @@ _TRUTH = {
     "next": "i", "distance": "f", "min_distance": "f", "path_length": "f", "contact_steps": "i",
     "steps": "i", "responded": "b",
 }  # fmt: skip
-"""Fields of ``world.TRUTH`` that change during a service, and their kinds."""
+"""Fields of ``physics.TRUTH`` that change during a service, and their kinds."""
 _PERCEIVED = {"reading": "f", "age": "f"}
 """Those of ``lanes.PERCEIVED``; its number of steps is that of the truth between two decisions."""
 _KINDS = {"b": "b", "i": "iu", "f": "iuf"}
@@ -71,8 +71,8 @@ def save(source: Source, settings: dict[str, Any], running: Running) -> dict[str
         "origins": [block.origin for block in blocks],
         "checksums": [block.checksum() for block in blocks],
         "rows": [source.current(lane)[1] for lane in range(lanes.n)],
-        "simulation": lanes.world.simulation.tolist(),
-        **{name: lanes.world.truth[name].tolist() for name in _TRUTH},
+        "simulation": lanes.physics.simulation.tolist(),
+        **{name: lanes.physics.truth[name].tolist() for name in _TRUTH},
         **{name: lanes.perceived[name].tolist() for name in _PERCEIVED},
     }
 
@@ -94,7 +94,7 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
     """
     _check(state, settings)
     lanes = source.lanes
-    n, world = lanes.n, lanes.world
+    n, physics = lanes.n, lanes.physics
     generators = [_generator(one) for one in _listed(state, "generators", n)]
     begun = state.get("begun")
     if begun is False:
@@ -106,11 +106,11 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
     ended = _array(state, "ended", "b", (n,))
     rows = _array(state, "rows", "i", (n,), 0, BLOCK - 1)
     checksums = _array(state, "checksums", "i", (n,))
-    simulation = _array(state, "simulation", "f", world.simulation.shape)
+    simulation = _array(state, "simulation", "f", physics.simulation.shape)
     truth = {name: _array(state, name, kind, (n,), 0) for name, kind in _TRUTH.items()}
     perceived = {name: _array(state, name, kind, (n,), 0) for name, kind in _PERCEIVED.items()}
     # the number of a reading is taken from the timer
-    elapsed = np.rint(simulation[:, world.time] / floor_plan.TIMESTEP)
+    elapsed = np.rint(simulation[:, physics.time] / floor_plan.TIMESTEP)
     if (truth["steps"] > floor_plan.MAX_STEPS).any() or (elapsed != truth["steps"]).any():
         raise _damaged("steps")
     blocks = []
@@ -125,9 +125,9 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
             raise _damaged("next")
         blocks.append(block)
     source.resume(blocks, rows)
-    world.simulation[:] = simulation
+    physics.simulation[:] = simulation
     for name, values in truth.items():
-        world.truth[name] = values
+        physics.truth[name] = values
     for name, values in perceived.items():
         lanes.perceived[name] = values
     lanes.perceived["steps"] = truth["steps"]

@@ -179,7 +179,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Which of the lanes that decided something have done so as often as they may, bool [n]."""
         cut = np.zeros(self.num_envs, bool)
         if self._limit is not None:
-            walked = self._lanes.world.truth["steps"] // self.settings.interval
+            walked = self._lanes.physics.truth["steps"] // self.settings.interval
             cut[responds] = walked[responds] + 1 >= self._limit
             cut[walks] = walked[walks] >= self._limit
         return cut

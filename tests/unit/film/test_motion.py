@@ -5,7 +5,7 @@ import pytest
 
 from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.film import motion
-from evenhand.restaurant.simulation import layout, world
+from evenhand.restaurant.simulation import layout, physics
 
 
 def test_twenty_five_pictures_a_second_each_of_a_moment_of_the_physics():
@@ -48,7 +48,7 @@ def test_between_the_poses_it_is_where_the_physics_had_it():
     n = 240
     setups = layout.draw(people.population("uniform"), n, np.random.default_rng(8))
     truth = np.zeros((floor_plan.MAX_STEPS + 1, n, 3))
-    rooms = world.World(n)
+    rooms = physics.Physics(n)
     rooms.place(np.arange(n), rooms.prepare(setups), np.arange(n))
     truth[0] = rooms.state
     for step in range(floor_plan.MAX_STEPS):

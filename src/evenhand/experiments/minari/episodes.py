@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evenhand.methods import registry
+from evenhand.core.errors import InputError
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
@@ -43,10 +44,20 @@ class Server:
 
 
 def trained(state: LearnerState, settings: TrainSettings, population: str | None = None) -> Server:
-    """The robot of a run, which acts by chance as in training, in the world of its training."""
+    """The robot of a run, which acts by chance as in training, in the world of its training.
+
+    Raises:
+        InputError: for a world that the environment cannot be set to.
+    """
     from evenhand.training import train
 
     world = settings.elsewhere(None, population)
+    if world.missed or world.shares or world.groups != people.GROUPS:
+        raise InputError(
+            f"people of scenario {settings.scenario!r} are its own, and a dataset is made by the "
+            "Gymnasium environment, which knows the paper's five identities only: choose a run in "
+            "another scenario"
+        )
     guidance = registry.name_of(settings.method)
     step = int(state.step)
     return Server(

@@ -28,7 +28,7 @@ from evenhand.restaurant.drawing.guests import Figures
 from evenhand.restaurant.drawing.props import INDOORS
 from evenhand.restaurant.simulation import scene
 from evenhand.restaurant.simulation.layout import Places
-from evenhand.restaurant.simulation.world import World
+from evenhand.restaurant.simulation.physics import Physics
 
 _HIDDEN = 5
 """Geom group that no camera shows."""
@@ -103,7 +103,7 @@ class Screen:
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._renderer: mujoco.Renderer | None = renderer
 
-    def picture(self, world: World, lane: int, setups: Places, row: int) -> np.ndarray:
+    def picture(self, world: Physics, lane: int, setups: Places, row: int) -> np.ndarray:
         """A service as it stands now.
 
         Args:

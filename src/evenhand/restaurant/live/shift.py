@@ -17,13 +17,13 @@ from evenhand.restaurant import floor_plan, people, robots, worlds
 from evenhand.restaurant.serve_people import draw, engine
 from evenhand.restaurant.simulation import driving, serve, task
 from evenhand.restaurant.simulation.lanes import Facts
-from evenhand.restaurant.simulation.world import simulation_of
+from evenhand.restaurant.simulation.physics import simulation_of
 from evenhand.restaurant.worlds import AnyRobot, World
 
 BATCH = 30
 """Services drawn at once, as many as ``evenhand evaluate --services 30`` draws."""
 _STEERED = 5
-"""Physics steps between two commands of the drive, as in ``restaurant.world``."""
+"""Physics steps between two commands of the drive, as in ``simulation.physics``."""
 _ONE = np.zeros(1, np.int64)
 """The only lane there is."""
 
@@ -217,7 +217,7 @@ class Shift:
         """One physics step, and the robot's decision if one is due then; nothing after the end."""
         if self.outcome is not None:
             return
-        data, truth, interval = self.data, self._lanes.world.truth, self.cast.world.interval
+        data, truth, interval = self.data, self._lanes.physics.truth, self.cast.world.interval
         if self._steps % interval % _STEERED == 0:
             driving.follow(
                 _ONE,
@@ -247,7 +247,7 @@ class Shift:
 
     @property
     def _steps(self) -> int:
-        return int(self._lanes.world.truth["steps"][0])
+        return int(self._lanes.physics.truth["steps"][0])
 
     def _decide(self) -> None:
         known = self._lanes.observe()
@@ -266,7 +266,7 @@ class Shift:
     @property
     def moment(self) -> Moment:
         """What can be told of the service as it stands."""
-        truth, known = self._lanes.world.truth[0], self._lanes.perceived[0]
+        truth, known = self._lanes.physics.truth[0], self._lanes.perceived[0]
         return Moment(
             number=self.now.number,
             codes=self.now.codes,

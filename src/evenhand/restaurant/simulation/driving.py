@@ -1,7 +1,7 @@
 """What happens between two decisions, as machine code: steering, tracking, sensing.
 
 All of it is in one file, because kept machine code is known by the age of its own file alone. Lanes
-are rows of structured arrays, whose fields are described where they are made (``world.TRUTH``,
+are rows of structured arrays, whose fields are described where they are made (``physics.TRUTH``,
 ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
 """
 
@@ -47,7 +47,7 @@ class Services(NamedTuple):
     radius: np.ndarray  # of the guests, metres, [N, 12]
     uniform: np.ndarray  # decides on every action, [N, L]
     noise: np.ndarray  # of every reading, see ``read``, [N, L + 1]
-    truth: Records  # ``world.TRUTH``, written, [N]
+    truth: Records  # ``physics.TRUTH``, written, [N]
     perceived: Records  # ``lanes.PERCEIVED``, written, [N]
 
 
@@ -142,7 +142,7 @@ def follow(
     Args:
         ids: lanes, int [k].
         pose: x, y (m), yaw (rad), [n, 3].
-        truth: ``world.TRUTH``, [n]; the next point, and where the robot is, are written.
+        truth: ``physics.TRUTH``, [n]; the next point, and where the robot is, are written.
         command: of the servos, written, [n, 3].
         top_speed: see ``steer``.
         brake: see ``steer``.
@@ -176,7 +176,7 @@ def track(ids: np.ndarray, pose: np.ndarray, contacts: np.ndarray, truth: Record
         ids: lanes, int [k].
         pose: after every step, [k, s, 3].
         contacts: number of them in every step, [k, s].
-        truth: ``world.TRUTH``, [n], written.
+        truth: ``physics.TRUTH``, [n], written.
     """
     steps = pose.shape[1]
     for row, i in enumerate(ids):
@@ -202,7 +202,7 @@ def answer(ids: np.ndarray, truth: Records) -> None:
 
     Args:
         ids: lanes, int [k].
-        truth: ``world.TRUTH``, [n], written.
+        truth: ``physics.TRUTH``, [n], written.
     """
     for i in ids:
         lane = truth[i]
@@ -232,7 +232,7 @@ def decide(
         uniform: random numbers, one for each decision of each service, [N, L].
         kept: what is written down.
         pose: of the robots, [lanes, 3].
-        truth: ``world.TRUTH``, [lanes]; responses are written.
+        truth: ``physics.TRUTH``, [lanes]; responses are written.
 
     Returns:
         Lanes that walk, int [m].

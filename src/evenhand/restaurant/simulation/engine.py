@@ -27,7 +27,7 @@ from evenhand.core import forks
 from evenhand.core.errors import whole
 from evenhand.core.processors import THREADS
 from evenhand.restaurant import floor_plan
-from evenhand.restaurant.simulation import clock, driving, scene, serve, task, world
+from evenhand.restaurant.simulation import clock, driving, physics, scene, serve, task
 from evenhand.restaurant.simulation.lanes import Lanes, facts_of
 
 LANES = 240
@@ -133,9 +133,9 @@ class Engine:
         # a call costs as much as a few decisions, and several for each thread even out their work
         calls = 1 if len(simulations) == 1 else min(3 * len(simulations), n)
         turns = iter(np.array_split(np.arange(n), calls))
-        geoms = world.guest_geoms(scene.still_model())
+        geoms = physics.guest_geoms(scene.still_model())
         pace = driving.Pace(
-            self.settings.interval, world.STEERED, floor_plan.MAX_STEPS, floor_plan.TIMESTEP,
+            self.settings.interval, physics.STEERED, floor_plan.MAX_STEPS, floor_plan.TIMESTEP,
             floor_plan.TOP_SPEED, floor_plan.MAX_ACCELERATION, task.UNITS, task.DISTANCE_LIMIT,
         )  # fmt: skip
 

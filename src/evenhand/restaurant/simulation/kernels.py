@@ -1,7 +1,7 @@
 """Compiled loops over lanes: who does what, what a service was worth, how services begin.
 
 Lanes are rows of structured arrays, whose fields are described where they are made
-(``world.TRUTH``, ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
+(``physics.TRUTH``, ``lanes.PERCEIVED``). Lengths are in metres, points of the plane x + iy.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def finish(
 
     Args:
         ids: lanes, int [k].
-        truth: ``world.TRUTH``, [n].
+        truth: ``physics.TRUTH``, [n].
         perceived: ``lanes.PERCEIVED``, [n].
         facts: ``episodes.FACTS``, [n], written at ``ids``.
         reward: [n], written likewise.
@@ -134,7 +134,7 @@ def place(
     Args:
         ids: simulations, int [k].
         at: which of the rows, int [k].
-        rows: state [N, nstate], ``world.TRUTH`` [N], places [N, 12, 2] and radii [N, 12] of the
+        rows: state [N, nstate], ``physics.TRUTH`` [N], places [N, 12, 2] and radii [N, 12] of the
             guests.
         state: of the simulations, written, [n, nstate].
         truth: written, [n].

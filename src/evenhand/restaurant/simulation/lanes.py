@@ -10,7 +10,7 @@ import numpy as np
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import driving, kernels, layout, task
-from evenhand.restaurant.simulation.world import Rows, World
+from evenhand.restaurant.simulation.physics import Physics, Rows
 
 
 def perceived_type(groups: int) -> np.dtype:
@@ -112,7 +112,7 @@ class Lanes:
     """n lanes; each serves one person at a time.
 
     Attributes:
-        world: the simulations.
+        physics: the simulations.
         perceived: what the robots know, ``PERCEIVED``, [n].
     """
 
@@ -125,7 +125,7 @@ class Lanes:
     ) -> None:
         self.n = n
         self.settings = settings
-        self.world = World(n, threads)
+        self.physics = Physics(n, threads)
         self.perceived = np.zeros(n, perceived_type(groups))
         self._all = np.arange(n)
         self._noise = np.zeros((n, settings.decisions + 1))
@@ -141,7 +141,7 @@ class Lanes:
         perceived["reading"] = np.maximum(seen, 0.0)
         perceived["stretch"] = chances.stretch
         noise = np.where(chances.fails, np.nan, chances.noise)
-        return Beginning(self.world.prepare(setups, wanted), perceived, noise)
+        return Beginning(self.physics.prepare(setups, wanted), perceived, noise)
 
     def begin(self, ids: np.ndarray, services: Beginning, at: np.ndarray) -> None:
         """Begin a service in each of these lanes.
@@ -151,7 +151,7 @@ class Lanes:
             services: with ``settings.decisions + 1`` readings each.
             at: which of the services, int [k].
         """
-        self.world.place(ids, services.rows, at)
+        self.physics.place(ids, services.rows, at)
         kernels.meet(ids, at, (services.perceived, services.noise), self.perceived, self._noise)
 
     def observe(self, ids: np.ndarray | None = None) -> np.ndarray:
@@ -167,7 +167,7 @@ class Lanes:
 
     def respond(self, ids: np.ndarray) -> None:
         """End the services of these lanes with a response, which may go unnoticed (``needs``)."""
-        driving.answer(ids, self.world.truth)
+        driving.answer(ids, self.physics.truth)
 
     def walk(self, ids: np.ndarray) -> np.ndarray:
         """Drive until the next decision.
@@ -178,7 +178,7 @@ class Lanes:
         Returns:
             Which of them have run out of time, bool [k].
         """
-        world, interval = self.world, self.settings.interval
+        world, interval = self.physics, self.settings.interval
         world.walk(None if len(ids) == self.n else ids, interval)
         return driving.read(
             ids,
@@ -193,14 +193,14 @@ class Lanes:
 
     def facts(self, ids: np.ndarray) -> Facts:
         """Facts of the services of these lanes, which have ended."""
-        return facts_of(self.world.truth[ids], self.perceived[ids])
+        return facts_of(self.physics.truth[ids], self.perceived[ids])
 
 
 def facts_of(truth: np.ndarray, perceived: np.ndarray) -> Facts:
     """Facts of N services that have ended.
 
     Args:
-        truth: ``world.TRUTH``, [N].
+        truth: ``physics.TRUTH``, [N].
         perceived: ``PERCEIVED``, [N].
     """
     return Facts(

@@ -100,7 +100,7 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
         RuntimeError: when a simulation became unstable.
     """
     kept = empty(drawn, recorded=recorded)
-    world, parts = lanes.world, []
+    physics, parts = lanes.physics, []
     total, length = drawn.uniform.shape
     for first in range(0, total, lanes.n):
         every = ids = np.arange(min(lanes.n, total - first))
@@ -109,15 +109,15 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
             rows, seen = ids + first, lanes.observe(ids)
             chance = robot(seen, rows)
             ids = driving.decide(
-                ids, rows, k, seen, chance, drawn.uniform, kept, world.state, world.truth
+                ids, rows, k, seen, chance, drawn.uniform, kept, physics.state, physics.truth
             )
             if not len(ids):
                 break
             lanes.walk(ids)
         if len(kept.pose):  # of those who ran out of time
-            kept.pose[ids + first, length] = world.state[ids]
-        world.check()
-        parts.append((world.truth[every], lanes.perceived[every]))
+            kept.pose[ids + first, length] = physics.state[ids]
+        physics.check()
+        parts.append((physics.truth[every], lanes.perceived[every]))
     truth, perceived = (np.concatenate(part) for part in zip(*parts, strict=True))
     return services(drawn, facts_of(truth, perceived), kept, lanes.settings)
 

@@ -72,7 +72,7 @@ class Rows:
     truth: np.ndarray
 
 
-class World:
+class Physics:
     """n simulations of the restaurant, each with a service of its own.
 
     Attributes:
@@ -215,7 +215,7 @@ def simulation_of(setups: layout.Setups, row: int) -> tuple[mujoco.MjModel, mujo
     """One service before it begins in a simulation of its own, for rendering or for checking.
 
     Its model is ``scene.model()`` with the radii of these guests. Stepped with the same commands it
-    goes as in ``World``, to the last bit.
+    goes as in ``Physics``, to the last bit.
     """
     model = copy.copy(scene.model())
     model.geom_size[guest_geoms(model), 0] = setups.radius[row]
