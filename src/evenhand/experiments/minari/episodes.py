@@ -3,14 +3,16 @@
 So each can be had again: ``reset`` with its seed, and take its actions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.methods import registry
 from evenhand.core.errors import InputError
+from evenhand.methods import registry
 from evenhand.restaurant import people, robots
 from evenhand.restaurant.env_base import FACT_NAMES
 from evenhand.restaurant.simulation import serve
