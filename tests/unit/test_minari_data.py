@@ -15,9 +15,9 @@ import pytest
 from evenhand.core.errors import InputError
 from evenhand.experiments.minari import dataset as minari_data
 from evenhand.experiments.minari import episodes
-from evenhand.restaurant import people
+from evenhand.restaurant import people, worlds
 from evenhand.training import train
-from evenhand.training.settings import settings_of
+from evenhand.training.settings import TrainSettings, settings_of
 
 SEED, SERVICES = 77, 12
 RUN = replace(
@@ -171,3 +171,11 @@ def test_the_missing_extra_is_said(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"needs the package minari: .*'\.\[minari\]'"):
         minari_data.write(tmp_path / "new", minari_data.Dataset("x-v0"), server, 1, 0)
     assert not (tmp_path / "new").exists()
+
+
+def test_a_world_that_the_environment_does_not_know(monkeypatch):
+    monkeypatch.setattr(worlds, "_SCENARIOS", dict(worlds._SCENARIOS))
+    worlds.register_scenario("missed", world=worlds.World(missed={"disability=Yes": 0.3}))
+    settings = TrainSettings("service", scenario="missed")
+    with pytest.raises(InputError, match="people of scenario 'missed' are its own"):
+        episodes.trained(train.untrained(settings), settings)

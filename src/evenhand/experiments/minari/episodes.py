@@ -3,6 +3,8 @@
 So each can be had again: ``reset`` with its seed, and take its actions.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
