@@ -32,7 +32,7 @@ def test_the_example_can_be_swept(cli, tmp_path):
     assert (shown.code, shown.err) == (0, "")
     (tmp_path / "own.toml").write_text(shown.out.replace("epochs = 300", "epochs = 0"))
     assert cli("sweep", "own.toml").complaint == (
-        "own.toml, line 17, epochs: epochs is 0: give a whole number from 2 to 100000"
+        "own.toml, line 20, epochs: epochs is 0: give a whole number from 2 to 100000"
     )
 
 

@@ -84,6 +84,19 @@ def ready(group: str) -> None:
             raise _failed(f"entry point {point.name} of package {package}", error) from error
 
 
+def reaches_workers(module: str, group: str) -> bool:
+    """Whether a worker process registers what a module does: ours, a plugin file, or a package's.
+
+    Args:
+        module: its name.
+        group: entry point of packages.
+    """
+    if module.partition(".")[0] == "evenhand" or module.startswith("evenhand_plugin_"):
+        return True
+    packages = {one.module for one in importlib.metadata.entry_points(group=group)}
+    return module in packages
+
+
 def texts() -> dict[str, str]:
     """Content of each file that was loaded by its name, for a machine that does not have them."""
     return {file.name: file.read_text(encoding="utf-8") for file in _files}

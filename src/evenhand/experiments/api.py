@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 import os
+import shutil
 import sys
 import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evenhand.core import files, terminal
+from evenhand.core import files, plugins, terminal
 from evenhand.core.errors import InputError, whole
 from evenhand.core.frames import data_frame
 from evenhand.core.processors import CORES, THREADS
@@ -233,7 +235,6 @@ class Comparison:
 
     folder: Path
     rows: Sequence[Mapping[str, Any]] = field(repr=False)
-    _kept: Any = field(default=None, repr=False)
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -468,12 +469,10 @@ def compare(
     from evenhand.experiments.comparison import tables
     from evenhand.experiments.comparison.settings import CompareSettings
 
-    kept = None
-    if out is None:
-        kept = tempfile.TemporaryDirectory(prefix="evenhand-compare-")
-        out = kept.name
+    temporary = tempfile.mkdtemp(prefix="evenhand-compare-") if out is None else None
+    folder = Path(out if out is not None else str(temporary))
     settings = CompareSettings(
-        out=Path(out), scenarios=tuple(scenarios), arms=tuple(arms), algorithms=tuple(algorithms),
+        out=folder, scenarios=tuple(scenarios), arms=tuple(arms), algorithms=tuple(algorithms),
         seeds=seeds, first_seed=first_seed, epochs=epochs, services=services, workers=workers,
     )  # fmt: skip
     if _of_session(settings.arms, settings.scenarios):
@@ -485,15 +484,18 @@ def compare(
 
     with terminal.stages() if progress else terminal.silent() as stage:
         rows = comparing.compare(settings, stage, announce, "evenhand.compare")
-    return Comparison(settings.out, tables.shown(rows), kept)
+    result = Comparison(settings.out, tables.shown(rows))
+    if temporary is not None:
+        weakref.finalize(result, shutil.rmtree, temporary, ignore_errors=True)
+    return result
 
 
 def _of_session(arms: Sequence[str], scenarios: Sequence[str]) -> bool:
-    """Whether something was registered by the running script or session, and not by a file."""
+    """Whether something was registered by the running script, session or an imported module."""
     from evenhand.experiments.comparison.settings import learns, method_of
 
     kinds = [registry.entry(method_of(arm)[0]).kind for arm in arms if learns(arm)]
     names = [one for name in scenarios for one in name.split("+")]
-    return any(kind.__module__ == "__main__" for kind in kinds) or any(
-        map(worlds.of_session, names)
-    )
+    return any(
+        not plugins.reaches_workers(kind.__module__, registry.GROUP) for kind in kinds
+    ) or any(map(worlds.of_session, names))

@@ -294,7 +294,7 @@ def register_scenario(
     place, text = plugins.origin(frame, world, reference)
     if name in _SCENARIOS and _SCENARIOS[name].place != place:
         raise InputError(f"there is a scenario {name!r} already: register yours by another name")
-    session = frame.f_globals["__name__"] == "__main__"
+    session = not plugins.reaches_workers(frame.f_globals["__name__"], GROUP)
     _SCENARIOS[name] = _Registered(world, reference, place, text, session)
 
 
