@@ -57,7 +57,7 @@ class JudgeServices(
         Args:
             env: any.
             scheme: identities, facts and issues.
-            facts: from ended episodes to facts, see ``ended.FactsOf``.
+            facts: from ended episodes to facts, see ``episodes.FactsOf``.
             sampler: draws who is served, for environments that know nobody.
             rng: source of randomness of the sampler; ``reset`` does not seed it.
             settings: of windows and guidance.

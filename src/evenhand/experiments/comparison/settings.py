@@ -19,7 +19,7 @@ NO_ALGORITHM = "none"
 
 
 CONTROLS = ("reference", "untrained")
-"""What learns nothing: the scripted robot of ``scenarios.reference``, and the policy before
+"""What learns nothing: the reference robot of the scenario, and the policy before
 training (in ``prejudiced``, after imitation). They are the same for every algorithm."""
 UNTUNED = ("r_ppo",)
 """Methods whose strength nobody has tuned for the comparison (``results/tuning.csv``)."""
