@@ -215,12 +215,40 @@ def opengl(require):
         raise
 
 
+def _registries() -> Iterator[tuple[dict[str, Any], Callable[[str], bool]]]:
+    """Of modules that are loaded: what is registered, and whether a name is Evenhand's own."""
+    loaded = sys.modules.get
+    if methods := loaded("evenhand.methods.registry"):
+        yield methods._entries, methods.BUILT_IN.__contains__
+    for module, name in [("restaurant.worlds", "_SCENARIOS"), ("training.policy", "_POLICIES")]:
+        if found := loaded(f"evenhand.{module}"):
+            entries = getattr(found, name)
+            yield entries, lambda one, entries=entries: entries[one].source is None
+
+
+@pytest.fixture(autouse=True)
+def nothing_registered_stays() -> Iterator[None]:
+    """What a test registers, by itself or by a plugin file, is forgotten after it."""
+    from evenhand.core import plugins
+
+    before = {id(entries): {*entries} for entries, _ in _registries()}
+    files, variable = dict(plugins._files), os.environ.get(plugins.VARIABLE)
+    yield
+    for entries, own in _registries():
+        for name in {*entries} - before.get(id(entries), set()):
+            if not own(name):
+                del entries[name]
+    plugins._files.clear()
+    plugins._files.update(files)
+    if variable is None:
+        os.environ.pop(plugins.VARIABLE, None)
+    else:
+        os.environ[plugins.VARIABLE] = variable
+
+
 @pytest.fixture
 def registered():
-    """``evenhand.method``; what is registered by it is forgotten after the test."""
+    """``evenhand.method``."""
     from evenhand.methods import registry
 
-    before = set(registry._entries)
-    yield registry.method
-    for name in {*registry._entries} - before - {*registry.BUILT_IN}:
-        del registry._entries[name]
+    return registry.method
