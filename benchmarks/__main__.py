@@ -52,7 +52,9 @@ class Bench:
     def run(self, command: str) -> int:
         """Measure and print."""
         if self.against is not None and self.what not in ("train", "all"):
-            raise InputError(f"--against does nothing with --what {self.what}: leave it out")
+            raise InputError(
+                "format against", f"--against does nothing with --what {self.what}: leave it out"
+            )
         found: dict[str, Any] = {}
         parts = {
             "env": self._env,

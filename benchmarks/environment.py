@@ -27,7 +27,7 @@ from evenhand.core import terminal as display
 from evenhand.core.errors import InputError
 from evenhand.core.processors import CORES
 from evenhand.methods import detector_file
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan, people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.scenarios import sensing
@@ -68,7 +68,7 @@ def measure(seconds: float) -> dict[str, Any]:
         circumstances.
     """
     if not 0.01 <= seconds <= 600:
-        raise InputError(f"seconds is {seconds}: give 0.01 to 600")
+        raise InputError("format seconds", f"seconds is {seconds}: give 0.01 to 600")
     actor = Actor(begin(settings_of("service", "ppo", "penalty")).policy)
     works: dict[str, Stepper] = {
         "bare": bare(),
@@ -183,7 +183,7 @@ def _record_drives() -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
 
 
 class _Records:
-    """Facts of finished services, made into interactions thirty at a time, as an epoch is."""
+    """Facts of finished services, made into tables thirty at a time, as an epoch is."""
 
     def __init__(self) -> None:
         self._kept: list[tuple[dict[str, np.ndarray], np.ndarray]] = []
@@ -199,7 +199,7 @@ class _Records:
                 name: np.concatenate([facts[name][ended] for facts, ended in self._kept])
                 for name in _KEPT
             }
-            Interactions.build({}, columns)
+            Services.build({}, columns)
             self._kept, self._waiting = [], 0
         return count
 

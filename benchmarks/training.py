@@ -73,7 +73,9 @@ def measure(
     sides = [_HERE]
     if against is not None:
         if not (against / "src" / "evenhand").is_dir():
-            raise InputError(f"{against} has no src/evenhand: give a checkout of another commit")
+            raise InputError(
+                "missing", f"{against} has no src/evenhand: give a checkout of another commit"
+            )
         sides.append(against)
     spent = np.empty((rounds + 1, len(arms), len(sides), 2))
     with ExitStack() as stack:

@@ -15,7 +15,7 @@ _PUBLIC = {
     "IDENTITIES": "evenhand.restaurant.people",
     "Identity": "evenhand.methods.vocabulary",
     "InputError": "evenhand.core.errors",
-    "Interactions": "evenhand.methods.services",
+    "Services": "evenhand.methods.services",
     "Issue": "evenhand.methods.paper.issues",
     "JudgeServices": "evenhand.adapters",
     "JudgeVectorServices": "evenhand.adapters",

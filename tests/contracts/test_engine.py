@@ -57,7 +57,7 @@ def both(
     return slow, fast
 
 
-def assert_same(slow: serve.Services, fast: serve.Services) -> None:
+def assert_same(slow: serve.Trajectories, fast: serve.Trajectories) -> None:
     for name in ("action", "mask", "observation"):
         np.testing.assert_array_equal(getattr(slow, name), getattr(fast, name), name)
     for field in fields(slow.facts):

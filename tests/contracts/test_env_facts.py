@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evenhand.methods.services import FACTS, Interactions
+from evenhand.methods.services import FACTS, Services
 from evenhand.restaurant.env import RestaurantEnv
 
 
@@ -109,7 +109,7 @@ class TestFacts:
 
     def test_they_make_interactions(self, services):
         named = [{k: v for k, v in facts.items() if k in FACTS} for facts, _ in services]
-        table = Interactions.build({}, {name: [one[name] for one in named] for name in named[0]})
+        table = Services.build({}, {name: [one[name] for one in named] for name in named[0]})
         ended = [seen["responded"] for _, seen in services]
         assert np.isnan(table.fact("response_step")).tolist() == [not one for one in ended]
         assert table.to_arrow()["response_step"].null_count == ended.count(False)

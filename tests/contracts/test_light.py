@@ -86,7 +86,7 @@ from evenhand.methods import detector_file
 
 rng, told = np.random.default_rng(0), {}
 responded = rng.random(200) < 0.7
-log = evenhand.Interactions.build(
+log = evenhand.Services.build(
     {"age": (rng.integers(0, 2, 200), ["child", "adult"])},
     {
         "responded": responded,
@@ -183,7 +183,7 @@ def test_an_audit_loads_nothing_of_an_extra():
 import json, sys
 import evenhand
 from evenhand.methods import detector_file
-log = evenhand.Interactions.build(
+log = evenhand.Services.build(
     {"age": ([0, 1] * 300, ["child", "adult"])},
     {"responded": [True, False] * 300, "response_distance": [1.2, None] * 300,
      "response_step": [90, None] * 300, "min_distance": [0.8] * 600},

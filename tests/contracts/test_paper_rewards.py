@@ -45,7 +45,7 @@ def settings(preset: str, **changes: Any) -> TrainSettings:
 
 def evenness(record: train.EpochRecord, chosen: TrainSettings) -> np.ndarray:
     """Eq. 4 and 5 for each person."""
-    table = record.interactions
+    table = record.services
     rewards = person_rewards(
         scores.score(table), scores.membership(table).inside, chosen.tau, "own_groups"
     )
@@ -83,7 +83,7 @@ def test_preset_service_adds_evenness_to_the_quality_of_service(weight, monkeypa
     # with full traces the target is the reward-to-go, and all reward comes at the end
     chosen = replace(base, update=replace(base.update, gae_lambda=1.0))
     record, (trajectories, _, target) = one_epoch(chosen, monkeypatch)
-    table = record.interactions
+    table = record.services
     answered = table.fact("responded") == 1.0
     terms, _ = task.quality(
         answered,
@@ -102,7 +102,7 @@ def test_only_what_the_detector_was_taught_is_judged(monkeypatch):
     record, _ = one_epoch(settings("paper"), monkeypatch)
     detector = detector_file.load(detector_file.SHIPPED)
     assert detector.identities == ("race", "gender", "age", "disability")
-    scores = score(record.interactions).by_identity
+    scores = score(record.services).by_identity
     each = [float(detector.probability(scores[name])) for name in detector.identities]
     assert record.numbers["probability"] == pytest.approx(np.nanmax(each))
     assert record.numbers["biased_detector"] == (np.nanmax(each) > 0.5)

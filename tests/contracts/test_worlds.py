@@ -32,7 +32,7 @@ def _own(monkeypatch):
     plugins.load_plugin(EXAMPLE)
 
 
-def assert_same(one: serve.Services, other: serve.Services) -> None:
+def assert_same(one: serve.Trajectories, other: serve.Trajectories) -> None:
     for name in ("codes", "observation", "action", "mask"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
     for name, values in vars(one.facts).items():
@@ -98,7 +98,7 @@ def test_settings_bring_the_world_back(name, tmp_path):
 def test_an_epoch_is_scored_as_its_table_says(name):
     settings = replace(settings_of("service", "ppo", "levelup", epochs=1), scenario=name, people=30)
     record = next(iter(train.train(settings, train.shipped_detector(settings))))
-    scores = settings.world.scheme.score(record.interactions)
+    scores = settings.world.scheme.score(record.services)
     assert record.numbers["total"] == pytest.approx(float(scores.total))
     for issue, score in zip(scores.issues, scores.overall, strict=True):
         found = record.numbers[issue]

@@ -10,7 +10,7 @@ import pytest
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
 from evenhand.methods.detector_file import SHIPPED
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.training import run_folder, train
 from evenhand.training.settings import settings_of
 
@@ -153,12 +153,12 @@ def test_a_detector_of_something_else_trains_nobody(cli, tmp_path, changes, said
 # --- judging services ---
 
 
-def one_sided(folder: Path) -> Interactions:
+def one_sided(folder: Path) -> Services:
     """12 people; nobody in a wheelchair gets a response, everybody else a perfect one."""
     n = 12
     disability = np.arange(n) % 2
     answered = disability == 0
-    table = Interactions.build(
+    table = Services.build(
         {
             "disability": (disability, ("no", "yes")),
             "gender": (np.arange(n) // 2 % 2, ("f", "m")),

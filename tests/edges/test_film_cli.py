@@ -80,10 +80,10 @@ def test_a_run_without_states(cli, tmp_path):
 def test_a_run_whose_facts_lag_behind_its_states(cli, tmp_path, trained):
     folder = tmp_path / "run"
     shutil.copytree(trained, folder)
-    from evenhand.methods.services import Interactions
+    from evenhand.methods.services import Services
 
     path = next((folder / "services").glob("*.parquet"))
-    Interactions.read_parquet(path).take(range(3)).write_parquet(path)  # type: ignore[arg-type]
+    Services.read_parquet(path).take(range(3)).write_parquet(path)  # type: ignore[arg-type]
     said = cli("film", folder, "--services", "4").complaint
     assert "holds no facts of service 4 yet: let the run go on to its next checkpoint" in said
 

@@ -12,7 +12,7 @@ import yaml
 from evenhand.cli.card import repeating
 from evenhand.cli.train import Train
 from evenhand.methods import detector_file
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.training import run_folder
 from evenhand.training.settings import TrainSettings, settings_of
 
@@ -36,7 +36,7 @@ def test_a_card_is_of_the_services_that_evaluate_would_serve(cli, trained, tmp_p
     assert (made.code, made.out) == (0, "new/README.md\n")
     page = (tmp_path / "new" / "README.md").read_text()
     cli("evaluate", folder, "--services", "60", "--seed", "9", "--out", "s.parquet")
-    table = Interactions.read_parquet(tmp_path / "s.parquet")
+    table = Services.read_parquet(tmp_path / "s.parquet")
     disabled = table.identity("disability")[0] == 0
     assert re.search(rf"\| disability: Yes \| [^|]*n {int(disabled.sum())}\) \|", page)
     responded = 100 * float(np.mean(table.fact("responded")))

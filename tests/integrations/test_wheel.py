@@ -152,7 +152,7 @@ def test_it_runs_in_an_empty_environment(empty, without_node, tmp_path):
 CORE = """
 import json, sys
 import evenhand
-log = evenhand.Interactions.build(
+log = evenhand.Services.build(
     {"age": ([0, 1] * 300, ["child", "adult"])},
     {"responded": [True, False] * 300, "response_distance": [1.2, None] * 300,
      "response_step": [90, None] * 300, "min_distance": [0.8] * 600},

@@ -18,7 +18,7 @@ from evenhand.adapters import (
     invented,
     own_issue,
 )
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from support.toys import SCHEME, Toy, facts_of
 
 FACTS = (Fact("slow", bool), Fact("noise", float, may_miss=True))
@@ -36,7 +36,7 @@ def scheme(*groups):
 def table(rows, chosen):
     columns = rows.T
     one, two = chosen.identities
-    return Interactions.build(
+    return Services.build(
         {
             "one": (columns[0].astype(int) - 1, one.groups),
             "two": (columns[1].astype(int) - 1, two.groups),

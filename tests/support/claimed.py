@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from evenhand.experiments.paper.demonstrations import Demos, Study
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant.people import IDENTITIES
 from evenhand.statistics.detector_accuracy import wilson
 from evenhand.study.simulated.respondents import NAMEABLE, Questionnaire
@@ -76,7 +76,7 @@ def made_demos(ignored: int = 6) -> Demos:
     responded &= ~((kind == 1) & (codes["race"] == 2) & (person % 5 < ignored - 5))
     step = np.where((kind == 2) & (codes["age"] == 0), 250, 100)
     distance = np.where((kind == 3) & (codes["disability"] == 0), 2.0, 1.25)
-    table = Interactions.build(
+    table = Services.build(
         {one.name: (codes[one.name], one.groups) for one in IDENTITIES},
         {
             "responded": responded,

@@ -42,7 +42,7 @@ PAID = -5 * np.array([11 / 18, 1 / 36, -17 / 36, 0.0, 0.0])
 """The same, but the first pays for quality as if it had it: (1 - 1/2) / 3 more."""
 
 
-def services(x: np.ndarray = X) -> serve.Services:
+def services(x: np.ndarray = X) -> serve.Trajectories:
     responded = x[:, 0] == 0.0
     distance = np.where(responded, np.where(x[:, 1] == 1.0, 0.8, 1.25), 0.3)
     facts = Facts(
@@ -57,7 +57,7 @@ def services(x: np.ndarray = X) -> serve.Services:
     )
     rng = np.random.default_rng(1)
     seen = rng.normal(size=(5, 6, 25)).astype(np.float32) * MASK[..., None]
-    return serve.Services(facts, CODES, seen, np.zeros((5, 6), np.int32), MASK)
+    return serve.Trajectories(facts, CODES, seen, np.zeros((5, 6), np.int32), MASK)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from evenhand.core import files
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan, people, robots, serve_people, worlds
 from evenhand.restaurant.simulation import layout, recording
 from evenhand.restaurant.simulation.recording import Recording
@@ -19,7 +19,7 @@ def places(n: int, seed: int = 3) -> layout.Setups:
     return layout.draw(people.population("uniform"), n, np.random.default_rng(seed))
 
 
-def served(n: int, robot: str = "ageist", seed: int = 3) -> tuple[Recording, Interactions]:
+def served(n: int, robot: str = "ageist", seed: int = 3) -> tuple[Recording, Services]:
     """Services 0 to n - 1 of a scripted robot, 30 an epoch."""
     world, scripted = worlds.scenario("even"), robots.ScriptedRobot(robot, 1.0)
     rng = np.random.default_rng(seed)
@@ -41,11 +41,11 @@ def approach(distances: list[list[float]], interval: int = 5) -> Recording:
     return recording.make(setups, pose, sensed, interval)
 
 
-def table(**facts: list) -> Interactions:
+def table(**facts: list) -> Services:
     """Services with these facts; everybody is a child."""
     n = len(next(iter(facts.values())))
     facts = {"service": list(range(n)), "epoch": [0] * n} | facts
-    return Interactions.build({"age": (np.zeros(n, int), people.IDENTITIES[2].groups)}, facts)
+    return Services.build({"age": (np.zeros(n, int), people.IDENTITIES[2].groups)}, facts)
 
 
 def run_folder(folder: Path, services: int = 60, states_kept: bool = True) -> Path:

@@ -30,7 +30,7 @@ def square(
 
 def refuse(*, tell: Tell, why: str) -> None:
     """Refuse wrong input."""
-    raise InputError(why)
+    raise InputError("format", why)
 
 
 def break_down(*, tell: Tell) -> None:

@@ -69,7 +69,7 @@ class TestWithoutStableBaselines3:
     def gone(self, measured, monkeypatch):
         def gone(extra: str, what: str) -> None:
             if extra == "sb3":
-                raise InputError("it is not installed")
+                raise InputError("unavailable it", "it is not installed")
 
         monkeypatch.setattr(extras, "require", gone)
 

@@ -7,13 +7,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 GROUP = ["a", "b", "a", "b"]
 
 
-def taken(**facts: pa.Array) -> Interactions:
-    return Interactions.from_arrow(pa.table({"g": GROUP, **facts}), ["g"])
+def taken(**facts: pa.Array) -> Services:
+    return Services.from_arrow(pa.table({"g": GROUP, **facts}), ["g"])
 
 
 @pytest.mark.parametrize("kind", [pa.float64(), pa.float32()])
@@ -27,7 +27,7 @@ def test_not_a_number_is_null_in_every_fact(kind, tmp_path):
         np.testing.assert_array_equal(table.fact(name), [1.0, 0.0, np.nan, np.nan])
     frame = pl.DataFrame({"g": GROUP, "responded": values})
     np.testing.assert_array_equal(
-        Interactions.from_arrow(frame.to_arrow(), ["g"]).fact("responded"), [1, 0, np.nan, np.nan]
+        Services.from_arrow(frame.to_arrow(), ["g"]).fact("responded"), [1, 0, np.nan, np.nan]
     )
 
 
@@ -37,7 +37,7 @@ def test_yes_and_no_are_1_and_0_and_nothing_else(values):
     with pytest.raises(InputError, match=f"column 'responded': .*{said}"):
         taken(responded=pa.array(values))
     with pytest.raises(InputError, match=f"fact 'responded': .*{said}"):
-        Interactions.build({}, {"responded": values})
+        Services.build({}, {"responded": values})
 
 
 def test_yes_and_no_as_numbers():
@@ -51,24 +51,24 @@ def test_yes_and_no_as_numbers():
 def test_codes_are_whole_and_have_a_category(codes):
     said = "identity 'g': codes must be whole numbers of -1 to 1"
     with pytest.raises(InputError, match=said):
-        Interactions.build({"g": (np.array(codes), ["a", "b"])}, {})
+        Services.build({"g": (np.array(codes), ["a", "b"])}, {})
 
 
 def test_codes_may_be_written_as_floats():
-    table = Interactions.build({"g": (np.array([1.0, -1.0]), ["a", "b"])}, {})
+    table = Services.build({"g": (np.array([1.0, -1.0]), ["a", "b"])}, {})
     assert table.identity("g")[0].tolist() == [1, -1]
 
 
 def test_two_groups_of_one_name():
     with pytest.raises(InputError, match="identity 'g' has a category twice: a, b, a"):
-        Interactions.build({"g": (np.array([0, 2]), ["a", "b", "a"])}, {})
+        Services.build({"g": (np.array([0, 2]), ["a", "b", "a"])}, {})
 
 
 def test_whole_numbers_beyond_2_to_the_53_are_rounded():
-    table = Interactions.build({}, {"service": np.array([2**53 + 1, 3])})
+    table = Services.build({}, {"service": np.array([2**53 + 1, 3])})
     assert table.fact("service").tolist() == [2.0**53, 3.0]
 
 
 def test_take_of_an_empty_list():
-    table = Interactions.build({"g": (np.array([0, 1]), ["a", "b"])}, {"steps": [1, 2]})
+    table = Services.build({"g": (np.array([0, 1]), ["a", "b"])}, {"steps": [1, 2]})
     assert len(table.take([])) == 0  # type: ignore[arg-type]

@@ -26,7 +26,7 @@ from evenhand.experiments.comparison.settings import (
     place,
 )
 from evenhand.methods import registry
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.report import figure
 from evenhand.restaurant import people, worlds
 from evenhand.training import run_folder
@@ -163,12 +163,12 @@ def test_the_commit_is_named_or_missing():
 # --- numbers of a test ---
 
 
-def served(disabled: np.ndarray) -> Interactions:
+def served(disabled: np.ndarray) -> Services:
     """People who differ in disability alone; the disabled are not responded to, others well."""
     n = len(disabled)
     codes = np.zeros((n, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
-    return Interactions.build(
+    return Services.build(
         {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": ~disabled,

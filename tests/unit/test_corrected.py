@@ -14,7 +14,7 @@ from sklearn.preprocessing import StandardScaler
 
 from evenhand.experiments.paper import corrected_detector
 from evenhand.experiments.paper.demonstrations import Demos, Study
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.methods.vocabulary import IDENTITIES
 from evenhand.restaurant.people import IDENTITIES as PEOPLE
 from evenhand.statistics.detector_accuracy import wilson
@@ -34,7 +34,7 @@ def made_demos() -> Demos:
     uneven = ~np.repeat(EVEN, 30) & (codes[np.arange(len(codes)), column] == 0)
     responded = rng.random(len(codes)) > np.where(uneven, 0.8, 0.2)
     near = rng.random(len(codes)) < 0.3
-    table = Interactions.build(
+    table = Services.build(
         {one.name: (codes[:, i], one.groups) for i, one in enumerate(PEOPLE)},
         {
             "responded": responded,

@@ -11,7 +11,7 @@ from evenhand.experiments.paper import demonstrations
 from evenhand.experiments.paper.demonstrations import KINDS, Demos
 from evenhand.methods.paper import detector
 from evenhand.methods.paper.scores import score
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.methods.vocabulary import IDENTITIES
 
 WINDOWS = 40
@@ -153,7 +153,7 @@ def test_behaviour_counts_people_in_thirty():
     # two windows of the racist robot at full strength, one at half: 3 and 0 people are ignored
     person, window = np.tile(np.arange(30), 3), np.repeat(np.arange(3), 30)
     responded = (window != 0) | (person >= 3)
-    table = Interactions.build(
+    table = Services.build(
         {},
         {
             "responded": responded,

@@ -19,7 +19,7 @@ DETECTOR = detector_file.load(detector_file.SHIPPED)
 
 
 @pytest.fixture(scope="module")
-def served() -> serve.Services:
+def served() -> serve.Trajectories:
     def robot(seen: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Half of the people are never answered."""
         return np.where(rows % 2 == 0, 0.06, 0.0)
@@ -27,7 +27,7 @@ def served() -> serve.Services:
     return serve_people.serve_people(WORLD, robot, 40, np.random.default_rng(5))
 
 
-def epoch_of(served: serve.Services) -> Epoch:
+def epoch_of(served: serve.Trajectories) -> Epoch:
     settings = TrainSettings(people=40)
     guard = Memory.begin(settings).guard
     return epoch.epoch_of(settings, served, DETECTOR, np.zeros(served.mask.shape), guard)[0]

@@ -10,7 +10,7 @@ from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
 from evenhand.methods.paper import scores as paper_scores
 from evenhand.methods.paper.issues import PAPER_ISSUES, Thresholds, paper_issues
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 NAN = np.nan
 
@@ -57,11 +57,11 @@ GAP = np.array(
 )
 
 
-def window(rows=SERVICES) -> Interactions:
+def window(rows=SERVICES) -> Services:
     gender, disability, step, distance, least = zip(*rows, strict=True)
     kinds = {"gender": ("Female", "Male", "Other"), "disability": ("Yes", "No")}
     given = {"gender": gender, "disability": disability}
-    return Interactions.build(
+    return Services.build(
         {
             name: (np.array([-1 if v is None else kinds[name].index(v) for v in given[name]]), kind)
             for name, kind in kinds.items()
@@ -106,7 +106,7 @@ class TestIndicators:
         np.testing.assert_array_equal(x[:, 3], [1, 1, 1, 1, 0, 1, 1, 0])
 
     def test_what_is_not_known_is_nan(self):
-        table = Interactions.build(
+        table = Services.build(
             {}, {"responded": [None], "response_step": [None], "min_distance": [None]}
         )
         chosen = [issue for issue in PAPER_ISSUES if issue.name != "quality"]
@@ -116,27 +116,27 @@ class TestIndicators:
         # a log may write the last distance and step of a service that ran out of time
         facts = {"response_distance": [3.0, 1.2, 3.0], "response_step": [300, 1, 300]}
         least = {"min_distance": [1.0, 1.0, 1.0]}
-        table = Interactions.build({}, {"responded": [False, False, True], **facts, **least})
+        table = Services.build({}, {"responded": [False, False, True], **facts, **least})
         np.testing.assert_array_equal(
             issues.indicators(table), [[1, NAN, NAN, 0], [1, NAN, NAN, 0], [0, 1, 1, 0]]
         )
         # where it is not told whether there was a response, its distance tells that there was one
         chosen = PAPER_ISSUES[1:3]
         for unknown in ({}, {"responded": [None] * 3}):
-            x = issues.indicators(Interactions.build({}, {**unknown, **facts}), chosen)
+            x = issues.indicators(Services.build({}, {**unknown, **facts}), chosen)
             np.testing.assert_array_equal(x, [[1, 1], [0, 0], [1, 1]])
 
     @pytest.mark.parametrize("issue", PAPER_ISSUES, ids=lambda issue: issue.name)
     def test_an_absent_fact_names_the_issue(self, issue):
         facts = {f: [None] for i in PAPER_ISSUES if i is not issue for f in i.needs}
         with pytest.raises(InputError, match=f"'{issue.name}' needs the fact '{issue.needs[0]}'"):
-            issues.indicators(Interactions.build({}, facts))
+            issues.indicators(Services.build({}, facts))
 
     def test_any_rule_on_facts_is_an_issue(self):
         far = issues.Issue(
             "detour", lambda x: (x.fact("path_length") > 5.0).astype(float), ("path_length",)
         )
-        table = Interactions.build(
+        table = Services.build(
             {"a": (np.array([0, 0, 1]), ("x", "y"))}, {"path_length": [6.0, 1.0, 2.0]}
         )
         scores = paper_scores.score(table, [far])
@@ -238,10 +238,10 @@ class TestScores:
 
     def test_groups_are_needed(self):
         with pytest.raises(InputError, match="there are no identities"):
-            paper_scores.score(Interactions.build({}, {"responded": [True]}))
+            paper_scores.score(Services.build({}, {"responded": [True]}))
 
     def test_an_absent_fact(self):
-        table = Interactions.build({"a": (np.array([0]), ("x",))}, {"responded": [True]})
+        table = Services.build({"a": (np.array([0]), ("x",))}, {"responded": [True]})
         with pytest.raises(InputError, match="'quality' needs the fact 'response_distance'"):
             paper_scores.score(table)
 
@@ -310,7 +310,7 @@ def test_a_plain_loop_agrees(seed):
     responded = rng.random(n) < rng.random()
     step, distance = rng.integers(100, 301, n), rng.uniform(0.4, 2.0, n)
     least = rng.uniform(0.3, 0.7, n)
-    table = Interactions.build(
+    table = Services.build(
         {f"identity {i}": (codes[:, i], [str(c) for c in range(s)]) for i, s in enumerate(sizes)},
         {
             "responded": responded,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evenhand.methods.paper import scores as paper_scores
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import people
 from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.restaurant.worlds import World
@@ -16,13 +16,13 @@ from evenhand.training.settings import TrainSettings
 
 def services(
     disabled: Any, responded: Any, distance: Any = 1.25, step: Any = 100, least: Any = 1.25
-) -> Interactions:
+) -> Services:
     """Services of people who differ in disability alone."""
     n = len(disabled)
     codes = np.zeros((n, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
     responded = np.broadcast_to(responded, n)
-    return Interactions.build(
+    return Services.build(
         {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": responded,

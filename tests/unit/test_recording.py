@@ -16,7 +16,7 @@ WORLD, ROBOT = World(), robots.ScriptedRobot("racist", 1.0)
 
 
 @pytest.fixture(scope="module")
-def served() -> tuple[layout.Setups, serve.Services]:
+def served() -> tuple[layout.Setups, serve.Trajectories]:
     engine = serve_people.engine(WORLD, 7)  # fewer lanes than services: they are served in turns
     ahead = serve_people.draw(WORLD, N, np.random.default_rng(3), engine, ROBOT)
     return ahead.drawn.setups, engine.run(ahead.drawn, ahead.robot, recorded=True)

@@ -10,7 +10,7 @@ from evenhand.core.errors import InputError
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.scores import score
 from evenhand.methods.scheme import Fact, Identity, Scheme, own_issue, paper_scheme
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.statistics import verdicts
 from evenhand.statistics.permutation import permutation_test
 
@@ -24,7 +24,7 @@ SLOW = own_issue(
 )
 SCHEME = Scheme((SIZE, COLOUR), FACTS, (LATE, LOUD, SLOW))
 
-TABLE = Interactions.build(
+TABLE = Services.build(
     {
         "size": (np.array([0, 0, 0, 1, 1, 1, -1]), SIZE.groups),
         "colour": (np.array([0, 1, 0, 2, 1, 0, 2]), COLOUR.groups),
@@ -75,7 +75,7 @@ class TestScores:
 
     def test_groups_are_found_by_name_in_whatever_order_they_stand(self):
         codes, _ = TABLE.identity("colour")
-        turned = Interactions.build(
+        turned = Services.build(
             {"size": TABLE.identity("size"), "colour": (2 - codes, COLOUR.groups[::-1])},
             {name: TABLE.fact(name) for name in ("late", "noise", "turns")},
             SCHEME.own,
@@ -85,7 +85,7 @@ class TestScores:
 
     def test_the_papers_issues_for_own_identities(self):
         scheme = paper_scheme([SIZE])
-        table = Interactions.build(
+        table = Services.build(
             {"size": (np.array([0, 0, 1, 1]), SIZE.groups)},
             {
                 "responded": np.array([True, False, True, True]),
@@ -133,17 +133,17 @@ class TestStatistics:
 class TestOwnFacts:
     def test_they_come_back_from_files_with_their_types(self, tmp_path):
         TABLE.write_parquet(tmp_path / "t.parquet")
-        back = Interactions.read_parquet(tmp_path / "t.parquet")
+        back = Services.read_parquet(tmp_path / "t.parquet")
         assert back == TABLE
         assert back.take(np.array([3])) == TABLE.take(np.array([3]))
-        assert Interactions.concat([back, back]).fact("turns").tolist()[:2] == [5, 20]
+        assert Services.concat([back, back]).fact("turns").tolist()[:2] == [5, 20]
         TABLE.write_csv(tmp_path / "t.csv")
-        csv = Interactions.read_csv(tmp_path / "t.csv", SCHEME.names, SCHEME.own)
+        csv = Services.read_csv(tmp_path / "t.csv", SCHEME.names, SCHEME.own)
         np.testing.assert_allclose(SCHEME.score(csv).gap, GAPS)
 
     def test_a_fact_that_was_not_declared_is_unknown(self):
         with pytest.raises(InputError, match="unknown fact 'lat': did you mean 'late'"):
-            Interactions.build({"size": TABLE.identity("size")}, {"lat": [1]}, SCHEME.own)
+            Services.build({"size": TABLE.identity("size")}, {"lat": [1]}, SCHEME.own)
 
     @pytest.mark.parametrize(
         ("own", "said"),
@@ -154,13 +154,13 @@ class TestOwnFacts:
     )
     def test_types_that_cannot_be(self, own, said):
         with pytest.raises(InputError, match=said):
-            Interactions.build({}, {}, own)
+            Services.build({}, {}, own)
 
     def test_a_note_of_another_type_is_refused(self):
         note = {b"evenhand.identities": b"", b"evenhand.own_facts": b"late\x1fdecimal"}
         table = pa.table({"late": [True]}).replace_schema_metadata(note)
         with pytest.raises(InputError, match="unknown type of the fact 'late' 'decimal'"):
-            Interactions.from_arrow(table)
+            Services.from_arrow(table)
 
 
 class TestFact:
@@ -240,11 +240,11 @@ def test_no_rule_is_asked_about_no_service():
 
 
 def test_tables_of_other_people_are_told():
-    odd = Interactions.build(
+    odd = Services.build(
         {"size": (np.array([0, 1]), ("small", "lrage")), "colour": (np.array([0, 0]), ("red",))},
         {},
     )
     with pytest.raises(InputError, match="group of 'size' in row 1 'lrage': did you mean 'large'"):
         SCHEME.codes(odd)
     with pytest.raises(InputError, match="unknown identity 'colour'"):
-        SCHEME.codes(Interactions.build({"size": TABLE.identity("size")}, {}))
+        SCHEME.codes(Services.build({"size": TABLE.identity("size")}, {}))

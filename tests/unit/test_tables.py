@@ -12,7 +12,7 @@ from evenhand.core.errors import InputError
 from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.corrected_detector import Record
 from evenhand.experiments.paper.demonstrations import Demos, Study
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.report.table import write
 from evenhand.restaurant.people import IDENTITIES
 from evenhand.statistics.detector_accuracy import CalibrationBin, wilson
@@ -78,7 +78,7 @@ def made_demos() -> Demos:
     distance = np.where(full & disabled, 2.0, 1.25)
     codes = np.zeros((120, 5), int)
     codes[:, 3] = np.where(disabled, 0, 1)
-    table = Interactions.build(
+    table = Services.build(
         {one.name: (codes[:, i], one.groups) for i, one in enumerate(IDENTITIES)},
         {
             "responded": responded,

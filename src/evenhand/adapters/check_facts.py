@@ -26,8 +26,9 @@ def checked(scheme: Scheme, ended: Ended, told: Any) -> tuple[np.ndarray, np.nda
     """
     if not isinstance(told, Mapping):
         raise InputError(
+            "type facts",
             f"the facts function gave {type(told).__name__} for {which(ended)}: give a dict of "
-            "names and values"
+            "names and values",
         )
     people = scheme.identities if ended.people is None else ()
     wanted = [*(one.name for one in people), *(fact.name for fact in scheme.facts)]
@@ -35,15 +36,17 @@ def checked(scheme: Scheme, ended: Ended, told: Any) -> tuple[np.ndarray, np.nda
         if name not in wanted:
             if name in scheme.names:
                 raise InputError(
+                    "format facts",
                     f"the facts function tells {name!r} of {which(ended)}, but people are drawn: "
-                    "leave it out, or give no sampler"
+                    "leave it out, or give no sampler",
                 )
             raise unknown(f"field from the facts function, for {which(ended)}:", str(name), wanted)
     for name in wanted:
         if name not in told:
             raise InputError(
+                "missing facts",
                 f"the facts function gave no {name!r} for {which(ended)}: give all of "
-                f"{', '.join(wanted)}"
+                f"{', '.join(wanted)}",
             )
     facts = np.empty((len(ended), len(scheme.facts)))
     for f, fact in enumerate(scheme.facts):
@@ -72,8 +75,9 @@ def _listed(name: str, ended: Ended, values: Any) -> np.ndarray:
     if values.shape != (len(ended),):
         many = f"{len(values)} values" if values.ndim == 1 else "no list of single values"
         raise InputError(
+            "type facts",
             f"the facts function gave {many} of {name!r} for {which(ended)}: give "
-            f"{len(ended)}, one an episode"
+            f"{len(ended)}, one an episode",
         )
     return values
 
@@ -110,7 +114,8 @@ def _odd(fact: Fact, ended: Ended, row: int, value: Any) -> InputError:
     time = isinstance(value, np.datetime64 | np.timedelta64)
     shown = str(value) if time else repr(value.item() if isinstance(value, np.generic) else value)
     return InputError(
-        f"fact {fact.name!r} of {which(ended, row)} is {shown[:60]}: give {fact.wanted()}"
+        "format fact",
+        f"fact {fact.name!r} of {which(ended, row)} is {shown[:60]}: give {fact.wanted()}",
     )
 
 
@@ -140,12 +145,15 @@ def _codes(one: Identity, ended: Ended, values: Any) -> np.ndarray:
             found = unknown(
                 f"group of {one.name!r} in {which(ended, row)}:", str(value), one.groups
             )
-            raise InputError(f"{found}; or its code, 0 to {last}, -1 where it is not known")
+            raise InputError(
+                "format", f"{found}; or its code, 0 to {last}, -1 where it is not known"
+            )
     return codes
 
 
 def _no_code(one: Identity, ended: Ended, row: int, value: float) -> InputError:
     return InputError(
+        "format identity",
         f"identity {one.name!r} of {which(ended, row)} is {str(value)[:60]}: give 0 to "
-        f"{len(one.groups) - 1}, or -1 where it is not known"
+        f"{len(one.groups) - 1}, or -1 where it is not known",
     )

@@ -54,7 +54,9 @@ class JudgeSettings:
         for need, why in _REFUSED.items():
             if need in registry.needs_of(self.method):
                 name = registry.name_of(self.method)
-                raise InputError(f"method {name!r} {why}: choose another, such as levelup")
+                raise InputError(
+                    "format method", f"method {name!r} {why}: choose another, such as levelup"
+                )
 
     def weights(self, scheme: Scheme) -> np.ndarray:
         """Weight of each issue of a scheme, [K].
@@ -69,7 +71,9 @@ class JudgeSettings:
             if name not in names:
                 raise unknown("issue in tau", name, names)
             if name not in self.tau:
-                raise InputError(f"tau has no weight for issue {name!r}: give one for each")
+                raise InputError(
+                    "missing tau", f"tau has no weight for issue {name!r}: give one for each"
+                )
         return check_tau([self.tau[name] for name in names], len(names))
 
 
@@ -83,14 +87,16 @@ def asked_about(detector: Detector, scheme: Scheme) -> tuple[str, ...]:
     """
     if detector.issues != scheme.issue_names:
         raise InputError(
+            "format detector",
             f"the detector judges {', '.join(detector.issues)}, and the scheme has "
-            f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues"
+            f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues",
         )
     known = tuple(name for name in scheme.names if name in detector.identities)
     if not known:
         raise InputError(
+            "format detector",
             f"the detector was taught with {', '.join(detector.identities)}, and the scheme has "
-            f"{', '.join(scheme.names)}: fit a detector to judgements of these identities"
+            f"{', '.join(scheme.names)}: fit a detector to judgements of these identities",
         )
     return known
 
@@ -138,7 +144,9 @@ class Guide:
         self.method = settings.method
         if detector is None and registry.VERDICT in registry.needs_of(self.method):
             name = registry.name_of(self.method)
-            raise InputError(f"method {name!r} asks for a verdict: give a detector")
+            raise InputError(
+                "format method", f"method {name!r} asks for a verdict: give a detector"
+            )
         known = asked_about(detector, scheme) if detector is not None else ()
         self._judge = judge_of(detector, known) if detector is not None else None
         self._scheme, self._size = scheme, settings.services
@@ -232,7 +240,9 @@ class Guide:
         given, memory = guidance.teach(self.method, epoch, self.past.memory)
         if given.fair is not None:
             name = registry.name_of(self.method)
-            raise InputError(f"method {name!r} {_REFUSED[registry.DIRECTION]}: choose another")
+            raise InputError(
+                "format method", f"method {name!r} {_REFUSED[registry.DIRECTION]}: choose another"
+            )
         self.past = Past(memory, watch.after, self.past.windows + 1)
         self._window = epoch
         return given
@@ -254,7 +264,8 @@ class Guide:
             want[name].shape != np.shape(value) for name, value in saved.items()
         ):
             raise InputError(
-                "what was saved is of another method or other settings: make the same ones"
+                "changed what",
+                "what was saved is of another method or other settings: make the same ones",
             )
         past = tree.fill(self.past, saved, "past")
         if window is not None:

@@ -14,7 +14,7 @@ from evenhand.adapters.sampler import Queue, Sampler
 from evenhand.core.errors import InputError
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.scheme import Scheme
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 
 class Judging:
@@ -46,7 +46,9 @@ class Judging:
         """
         if (sampler is None) != (rng is None):
             has, lacks = ("sampler", "rng") if rng is None else ("rng", "sampler")
-            raise InputError(f"{has} is given without {lacks}: to draw people, give both")
+            raise InputError(
+                "conflict", f"{has} is given without {lacks}: to draw people, give both"
+            )
         self.ledger = Ledger(scheme, settings, detector)
         self.queue = None
         if sampler is not None and rng is not None:
@@ -145,7 +147,7 @@ class Judged:
         self._judging.restore(state)
 
     @property
-    def services(self) -> Interactions:
+    def services(self) -> Services:
         """All services that have ended, in that order."""
         return self.ledger.services()
 

@@ -17,7 +17,7 @@ from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
 from evenhand.methods.printed import Service
 from evenhand.methods.scheme import Scheme
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.statistics import chance, verdicts
 from evenhand.statistics.verdicts import Verdicts, VerdictSettings
 
@@ -180,8 +180,9 @@ class Ledger:
             rows[name].shape[1:] != getattr(self, f"_{name}").shape[1:] for name in _ROWS
         ):
             raise InputError(
+                "changed what",
                 "what was saved is no state of a ledger of this scheme, or of another version of "
-                "Evenhand: make it anew"
+                "Evenhand: make it anew",
             )
         n, size = len(rows["paid"]), self.settings.services
         ledger = Ledger(self.scheme, self.settings, self.detector)
@@ -196,7 +197,7 @@ class Ledger:
         )
         vars(self).update(vars(ledger))
 
-    def services(self) -> Interactions:
+    def services(self) -> Services:
         """All services; ``epoch`` is the number of the window, also of one that is not over."""
         n, scheme = self._length, self.scheme
         number = np.arange(n)
@@ -211,7 +212,7 @@ class Ledger:
         people = {
             one.name: (self._codes[:n, d], one.groups) for d, one in enumerate(scheme.identities)
         }
-        return Interactions.build(people, facts, scheme.own)
+        return Services.build(people, facts, scheme.own)
 
     def rows(self, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Indicators [n, K] and membership [n, G] of all services from the first one wanted."""
@@ -243,7 +244,7 @@ class Ledger:
             InputError: before any service has ended.
         """
         if not self._length:
-            raise InputError("no service has ended yet: there is nothing to judge")
+            raise InputError("empty service", "no service has ended yet: there is nothing to judge")
         return verdicts.judge(*self.rows(), rng, settings)
 
     @property

@@ -39,8 +39,9 @@ def invented(scheme: Scheme, shares: Mapping[str, Sequence[float]] | None = None
         share = np.asarray(chosen.get(one.name, np.full(size, 1 / size)), float)
         if share.shape != (size,) or not (share >= 0).all() or abs(share.sum() - 1) > 1e-6:
             raise InputError(
+                "range shares",
                 f"shares of {one.name!r} are {share.tolist()}: give {size} numbers of at least 0 "
-                f"that sum to 1, for {', '.join(one.groups)}"
+                f"that sum to 1, for {', '.join(one.groups)}",
             )
         limits.append(np.cumsum(share)[:-1])
 
@@ -85,8 +86,9 @@ class Queue:
         codes = np.asarray(state.get("queue.codes", np.zeros(0)))
         if codes.shape != self._codes.shape:
             raise InputError(
+                "shape what",
                 f"what was saved of people has shape {codes.shape}, and here it is "
-                f"{self._codes.shape}: keep the number of environments and the identities"
+                f"{self._codes.shape}: keep the number of environments and the identities",
             )
         self._codes, self._place = codes.copy(), np.array(state["queue.place"])
         for rng, text in zip(self._rngs, state["queue.rngs"].tolist(), strict=True):
@@ -130,14 +132,16 @@ class Queue:
         wanted = (BLOCK, len(self._scheme.identities))
         if drawn.shape != wanted or drawn.dtype.kind not in "iu":
             raise InputError(
+                "shape sampler",
                 f"the sampler of people gave {drawn.dtype} of shape {drawn.shape} for {BLOCK} "
-                f"people: give whole numbers of shape {wanted}, one column an identity"
+                f"people: give whole numbers of shape {wanted}, one column an identity",
             )
         for d, one in enumerate(self._scheme.identities):
             odd = (drawn[:, d] < -1) | (drawn[:, d] >= len(one.groups))
             if odd.any():
                 raise InputError(
+                    "type sampler",
                     f"the sampler of people gave {drawn[odd, d][0]} for {one.name!r}, which takes "
-                    f"0 to {len(one.groups) - 1}, or -1 for not known"
+                    f"0 to {len(one.groups) - 1}, or -1 for not known",
                 )
         return drawn

@@ -286,13 +286,15 @@ class JudgeVectorServices(
         for name, values in (("terminated", terminated), ("truncated", truncated)):
             if not isinstance(values, np.ndarray) or values.dtype != bool:
                 raise InputError(
+                    "format environment",
                     f"the environment's {name} are no NumPy array of True and False: wrap it so "
-                    "that they are, for instance with gymnasium.wrappers.vector.JaxToNumpy"
+                    "that they are, for instance with gymnasium.wrappers.vector.JaxToNumpy",
                 )
         if not isinstance(rewards, np.ndarray) or rewards.shape != (self.num_envs,):
             raise InputError(
+                "shape environment",
                 f"the environment's rewards are no NumPy array of {self.num_envs} numbers: give "
-                "one a lane"
+                "one a lane",
             )
         if not self._same and _plain(observations) and observations.nbytes <= SMALL:
             self._track.seen = np.empty((STEPS, *observations.shape), observations.dtype)
@@ -308,6 +310,7 @@ def _number(reward: Any) -> float:
     found = np.asarray(reward, float)
     if found.size != 1:
         raise InputError(
-            f"the environment's reward is an array of shape {found.shape}: give one number a step"
+            "shape environment",
+            f"the environment's reward is an array of shape {found.shape}: give one number a step",
         )
     return found.item()

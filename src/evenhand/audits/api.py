@@ -168,7 +168,10 @@ def check_ending(path: Path) -> None:
         InputError: for another ending than those of ``ENDINGS``.
     """
     if path.suffix not in ENDINGS:
-        raise InputError(f"{path} ends in none of {', '.join(ENDINGS)}: choose what to write by it")
+        raise InputError(
+            "format file",
+            f"{path} ends in none of {', '.join(ENDINGS)}: choose what to write by it",
+        )
 
 
 def audit(
@@ -185,7 +188,7 @@ def audit(
 
     Args:
         source: path of a file, folder or glob; URL of a database; a data frame of pandas, polars
-            or pyarrow, or anything else that gives an Arrow stream; or Interactions.
+            or pyarrow, or anything else that gives an Arrow stream; or Services.
         mapping: roles of the columns, or a TOML file of them; what it leaves open is found by name.
         settings: level, relevant difference, permutations, seed.
         table: in a database, which.
@@ -240,8 +243,9 @@ def mapping_for(
     found = guess(log.table.columns, said)
     if not found.identities:
         raise InputError(
+            "missing",
             f"{log.name} has no column that looks like an identity among "
-            f"{joined(list(log.table.columns))}: name those that tell who was served"
+            f"{joined(list(log.table.columns))}: name those that tell who was served",
         )
     return found
 

@@ -170,7 +170,9 @@ class Audit(Columns):
     def run(self, command: str) -> int:
         """Audit, write, print."""
         if not self.log:
-            raise InputError("no log is given: name a file, a folder or the URL of a database")
+            raise InputError(
+                "missing log", "no log is given: name a file, a folder or the URL of a database"
+            )
         from evenhand.audits import api
         from evenhand.audits.judge.results import AuditSettings
         from evenhand.audits.read import sources
@@ -238,4 +240,6 @@ def _bin(text: str) -> tuple[str, tuple[float, ...]]:
             raise ValueError
         return name, tuple(float(edge) for edge in edges.split(","))
     except ValueError:
-        raise InputError(f"bins {text!r}: give a column and rising numbers, as age=18,65") from None
+        raise InputError(
+            "type bins", f"bins {text!r}: give a column and rising numbers, as age=18,65"
+        ) from None

@@ -75,16 +75,19 @@ class Card:
 
     def _check(self) -> None:
         if self.out.suffix != ".md":
-            raise InputError(f"{self.out} does not end in .md: give such a file")
+            raise InputError("format", f"{self.out} does not end in .md: give such a file")
         if self.out.is_dir():
-            raise InputError(f"{self.out} is a folder: give the name of a file")
+            raise InputError("format", f"{self.out} is a folder: give the name of a file")
         if not self.file.exists():
-            raise InputError(f"{self.file} does not exist: give the folder of a run or a detector")
+            raise InputError(
+                "missing file",
+                f"{self.file} does not exist: give the folder of a run or a detector",
+            )
         if self.services:
             whole("services", self.services, 30, SERVICES[1])
         whole("seed", self.seed, *SEEDS)
         if self.file.is_dir() and self.answers is not None:
-            raise InputError("--answers belongs to a detector: leave it out")
+            raise InputError("format answers", "--answers belongs to a detector: leave it out")
         files.make_folder(self.out.parent)
 
     def _judge(self, said: Said) -> str:
@@ -126,8 +129,9 @@ class Card:
         lines = epoch_log.read(self.file)
         if len(lines) < epochs:
             raise InputError(
+                "format",
                 f"{self.file / 'epochs.jsonl'} has {len(lines)} lines, but {epochs} epochs have "
-                "run: restore it, or train again"
+                "run: restore it, or train again",
             )
         return Robot(
             settings=noted["settings"],

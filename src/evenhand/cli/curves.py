@@ -34,7 +34,7 @@ class Curves:
     def run(self, command: str) -> int:
         """Find the runs, write, print."""
         if not self.to:
-            raise InputError("--to names no sink: give tensorboard, wandb or both")
+            raise InputError("unknown to", "--to names no sink: give tensorboard, wandb or both")
         from evenhand.core import terminal
         from evenhand.training import loggers
 
@@ -42,7 +42,8 @@ class Curves:
         found = sorted(path.parent for path in self.folder.rglob("epochs.jsonl"))
         if not found:
             raise InputError(
-                f"{self.folder} holds no run: there is no epochs.jsonl in it or below it"
+                "missing folder",
+                f"{self.folder} holds no run: there is no epochs.jsonl in it or below it",
             )
         with terminal.stages() as stage:
             tell = stage("curves", len(found))

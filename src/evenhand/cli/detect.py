@@ -73,7 +73,7 @@ class DetectFit:
                 groups=groups,
             )
         except InputError as error:
-            raise InputError(f"answers file {self.answers}: {error}") from error
+            raise InputError("format answers", f"answers file {self.answers}: {error}") from error
         detector_file.save(fitted, self.out)
         terminal.table(
             f"Detector fitted to {evaluation.n} judgements of {self.source}, out of fold",
@@ -124,7 +124,9 @@ class DetectJudge:
     def run(self, command: str) -> int:
         """Judge and print."""
         if (self.services is None) == (self.scores is None):
-            raise InputError("name either a file of services or four numbers with --scores")
+            raise InputError(
+                "type name", "name either a file of services or four numbers with --scores"
+            )
         from evenhand.core import terminal
         from evenhand.methods.paper.scores import score
 
@@ -137,7 +139,7 @@ class DetectJudge:
             try:
                 vectors = dict(score(table).by_identity)
             except InputError as error:
-                raise InputError(f"{path}: {error}") from error
+                raise InputError("format file", f"{path}: {error}") from error
         columns = ("of", *ISSUES, "probability", "biased", "looks like")
         rows = [_judged(name, vector, judge) for name, vector in vectors.items()]
         if self.json:

@@ -27,7 +27,7 @@ from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 
 if TYPE_CHECKING:
-    from evenhand.methods.services import Interactions
+    from evenhand.methods.services import Services
     from evenhand.restaurant.worlds import World
 
 
@@ -104,7 +104,7 @@ class Evaluate:
             terminal.table(title, ("measure", "value", "of"), told(found, names))
         return 0
 
-    def _serve(self) -> tuple[str, World, Interactions]:
+    def _serve(self) -> tuple[str, World, Services]:
         from evenhand.restaurant import robots, worlds
         from evenhand.training import evaluate
 

@@ -35,7 +35,9 @@ class Example:
     def run(self, command: str) -> int:
         """Draw and write it, print its path."""
         if self.log is None:
-            raise InputError("no file is given: name one, as evenhand example fleet.csv")
+            raise InputError(
+                "missing file", "no file is given: name one, as evenhand example fleet.csv"
+            )
         import numpy as np
         import pyarrow as pa
         import pyarrow.csv
@@ -45,7 +47,9 @@ class Example:
 
         whole("seed", self.seed, *SEEDS)
         if self.log.suffix not in (".csv", ".parquet"):
-            raise InputError(f"{self.log} ends neither in .csv nor in .parquet: choose one of them")
+            raise InputError(
+                "format", f"{self.log} ends neither in .csv nor in .parquet: choose one of them"
+            )
         table = synthetic_log(self.services, np.random.default_rng(self.seed))
         out = pa.BufferOutputStream()
         if self.log.suffix == ".csv":

@@ -128,21 +128,30 @@ class Film:
         given = (self.run_folder is not None) + (self.robot is not None)
         if given != 1:
             raise InputError(
+                "conflict name",
                 "name the folder of a run, or a scripted robot with --robot, or the word study: "
-                "one of the three"
+                "one of the three",
             )
         if study and self.services is not None:
-            raise InputError("--services does not go with study, which chooses its own: leave out")
+            raise InputError(
+                "format services",
+                "--services does not go with study, which chooses its own: leave out",
+            )
         if not study and self.services is None:
-            raise InputError("--services is missing: name the services to film, as 3,17")
+            raise InputError(
+                "missing services", "--services is missing: name the services to film, as 3,17"
+            )
         for option, value in (("strength", self.strength), ("population", self.population)):
             if self.robot is None and value is not None:
                 raise InputError(
-                    f"--{option} belongs to a scripted robot: leave it out, or name --robot"
+                    "format",
+                    f"--{option} belongs to a scripted robot: leave it out, or name --robot",
                 )
         if self.seed is not None:
             if self.robot is None and not study:
-                raise InputError("--seed belongs to a scripted robot and to study: leave it out")
+                raise InputError(
+                    "format seed", "--seed belongs to a scripted robot and to study: leave it out"
+                )
             whole("seed", self.seed, *SEEDS)
 
     def _style(self, base: Style) -> Style:
@@ -162,8 +171,9 @@ class Film:
             return sources.from_run(str(self.run_folder), services)
         if max(services) >= sources.SERVED:
             raise InputError(
+                "missing service",
                 f"service {max(services)} does not exist: a scripted robot serves "
-                f"{sources.SERVED} people, give numbers from 0 to {sources.SERVED - 1}"
+                f"{sources.SERVED} people, give numbers from 0 to {sources.SERVED - 1}",
             )
         whole_footage = sources.from_robot(
             self.robot,
@@ -179,19 +189,26 @@ def _numbers(text: str) -> list[int]:
     for part in parts:
         if not re.fullmatch(r"[0-9]{1,9}", part, re.ASCII):
             raise InputError(
-                f"services is {text!r}: give whole numbers of at least 0 joined by commas, as 3,17"
+                "range services",
+                f"services is {text!r}: give whole numbers of at least 0 joined by commas, as 3,17",
             )
     numbers = [int(part) for part in parts]
     for number in numbers:
         if numbers.count(number) > 1:
-            raise InputError(f"service {number} is named twice: name each service once")
+            raise InputError(
+                "duplicate service", f"service {number} is named twice: name each service once"
+            )
     if len(numbers) > _MOST:
-        raise InputError(f"{len(numbers)} services are named: film {_MOST} at most at a time")
+        raise InputError(
+            "range", f"{len(numbers)} services are named: film {_MOST} at most at a time"
+        )
     return numbers
 
 
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text, re.ASCII)
     if found is None:
-        raise InputError(f"size is {text!r}: give width and height in pixels, as 640x480")
+        raise InputError(
+            "type size", f"size is {text!r}: give width and height in pixels, as 640x480"
+        )
     return int(found[1]), int(found[2])

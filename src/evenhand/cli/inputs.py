@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from evenhand.methods.paper.detector import Detector
-    from evenhand.methods.services import Interactions
+    from evenhand.methods.services import Services
     from evenhand.training.settings import TrainSettings
     from evenhand.training.update import LearnerState
 
@@ -94,9 +94,14 @@ def check_server(run_folder: Path | None, robot: str | None, strength: float | N
         InputError: when both are named, or neither, or a strength without its robot.
     """
     if (run_folder is None) == (robot is None):
-        raise InputError("name either the folder of a run or a scripted robot with --robot")
+        raise InputError(
+            "format name", "name either the folder of a run or a scripted robot with --robot"
+        )
     if run_folder is not None and strength is not None:
-        raise InputError("--strength belongs to a scripted robot: leave it out, or name --robot")
+        raise InputError(
+            "format strength",
+            "--strength belongs to a scripted robot: leave it out, or name --robot",
+        )
 
 
 def method(text: str, settings: Sequence[str]) -> Any:
@@ -110,7 +115,7 @@ def method(text: str, settings: Sequence[str]) -> Any:
     pairs = [word.partition("=") for word in settings]
     for name, mark, _ in pairs:
         if not mark:
-            raise InputError(f"--set {name} has no value: give SETTING=VALUE")
+            raise InputError("missing set", f"--set {name} has no value: give SETTING=VALUE")
     return registry.changed(registry.create(text), {name: value for name, _, value in pairs})
 
 
@@ -132,24 +137,26 @@ def parse_tau(text: str) -> tuple[float, float, float, float]:
     return (a, b, c, d)
 
 
-def read_services(path: Path, identities: tuple[str, ...]) -> Interactions:
+def read_services(path: Path, identities: tuple[str, ...]) -> Services:
     """Services from a Parquet or CSV file.
 
     Raises:
         InputError: when the file is missing, of another kind, or holds no services.
     """
-    from evenhand.methods.services import Interactions
+    from evenhand.methods.services import Services
     from evenhand.restaurant.people import DISCRIMINATION
 
     check_ending(path, ENDINGS)
     if not path.is_file():
-        raise InputError(f"{path} does not exist: give a file of services")
+        raise InputError("missing file", f"{path} does not exist: give a file of services")
     if path.suffix == ".parquet":
-        table = Interactions.read_parquet(path)
+        table = Services.read_parquet(path)
     else:
-        table = Interactions.read_csv(path, identities or tuple(DISCRIMINATION))
+        table = Services.read_csv(path, identities or tuple(DISCRIMINATION))
     if not len(table):
-        raise InputError(f"{path} holds no services: give a file with at least one row")
+        raise InputError(
+            "empty file", f"{path} holds no services: give a file with at least one row"
+        )
     return table
 
 
@@ -162,11 +169,11 @@ def check_target(path: Path, endings: tuple[str, ...] = ()) -> None:
     if endings:
         check_ending(path, endings)
     if path.is_dir():
-        raise InputError(f"{path} is a folder: give the name of a file")
+        raise InputError("format file", f"{path} is a folder: give the name of a file")
     files.make_folder(path.parent)
 
 
-def write_services(table: Interactions, path: Path) -> None:
+def write_services(table: Services, path: Path) -> None:
     """Services to a Parquet or CSV file."""
     if path.suffix == ".parquet":
         table.write_parquet(path)
@@ -181,4 +188,6 @@ def check_ending(path: Path, endings: tuple[str, ...]) -> None:
         InputError: when it ends in none of ``endings``.
     """
     if path.suffix not in endings:
-        raise InputError(f"{path} does not end in {' or '.join(endings)}: give such a file")
+        raise InputError(
+            "format file", f"{path} does not end in {' or '.join(endings)}: give such a file"
+        )

@@ -13,7 +13,7 @@ from evenhand.cli.inputs import OPTIONAL
 from evenhand.core.errors import InputError
 
 if TYPE_CHECKING:
-    from evenhand.methods.services import Interactions
+    from evenhand.methods.services import Services
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,10 @@ class Replay:
     def run(self, command: str) -> int:
         """Read, choose, write."""
         if self.services is not None and self.epoch is not None:
-            raise InputError("--services and --epoch both say which services: give one of them")
+            raise InputError(
+                "conflict services",
+                "--services and --epoch both say which services: give one of them",
+            )
         wanted = None if self.services is None else _numbers(self.services)
         inputs.check_target(self.out, (".html", ".htm"))
         inputs.load_physics("train")
@@ -59,7 +62,8 @@ class Replay:
         read_script()
         if wanted is not None and len(wanted) > replay.MOST:
             raise InputError(
-                f"--services names {len(wanted)} services: a page holds at most {replay.MOST}"
+                "range services",
+                f"--services names {len(wanted)} services: a page holds at most {replay.MOST}",
             )
         recording = recordings.read(self.run_folder)
         table = run.read_services(self.run_folder)
@@ -71,7 +75,7 @@ class Replay:
         print(self.out)
         return 0
 
-    def _note(self, table: Interactions) -> str:
+    def _note(self, table: Services) -> str:
         whole = f"The run has {len(table):,} services."
         if self.services is not None:
             return f"{whole} These were chosen by hand."
@@ -88,9 +92,13 @@ def _numbers(text: str) -> list[int]:
         numbers = [int(part) for part in text.split(",")]
     except ValueError:
         raise InputError(
-            f"--services is {text!r}: give numbers of services with commas between, as 3,17"
+            "range services",
+            f"--services is {text!r}: give numbers of services with commas between, as 3,17",
         ) from None
     twice = [number for number in numbers if numbers.count(number) > 1]
     if twice:
-        raise InputError(f"--services names service {twice[0]} more than once: name it once")
+        raise InputError(
+            "duplicate services",
+            f"--services names service {twice[0]} more than once: name it once",
+        )
     return numbers

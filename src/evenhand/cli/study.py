@@ -85,7 +85,7 @@ class StudyNew:
     def run(self, command: str) -> int:
         """Write."""
         if self.file.exists():
-            raise InputError(f"{self.file} is there already: give another name")
+            raise InputError("duplicate file", f"{self.file} is there already: give another name")
         files.make_folder(self.file.parent)
         files.write_text(self.file, protocol_file.PAPER.read_text(encoding="utf-8"))
         print(self.file)
@@ -164,8 +164,9 @@ class StudyServe:
         todo = protocol_file.unfinished(study)
         if todo and not self.allow_simulated:
             raise InputError(
+                "format file",
                 f"{path} still has to be completed ({todo[0]}): nobody can agree to it yet; for a "
-                "trial run with simulated participants add --allow-simulated"
+                "trial run with simulated participants add --allow-simulated",
             )
         settings, made = _settings(self.token_file, simulated=self.allow_simulated)
         kept = open_store(self.db or f"{study.name}.db", study)
@@ -200,7 +201,7 @@ class StudyBackup:
         try:
             print(backup.write(kept, self.out))
         except StorageError as error:
-            raise InputError(f"{error}: try again") from error
+            raise InputError("format", f"{error}: try again") from error
         finally:
             kept.dispose()
         return 0
@@ -243,7 +244,7 @@ class StudyExport:
         path = self.file or protocol_file.PAPER
         study, wrong = protocol_file.examine(path, look=False)
         if study is None:
-            raise InputError(f"{path}, {wrong[0]}")
+            raise InputError("format file", f"{path}, {wrong[0]}")
         for one in self.out:
             export.check_ending(one)
             files.make_folder(one.parent)

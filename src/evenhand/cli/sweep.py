@@ -78,7 +78,8 @@ class Sweep:
 
         if self.file is None:
             raise InputError(
-                "name the file of a sweep; `evenhand sweep --example > sweep.toml` writes one"
+                "format name",
+                "name the file of a sweep; `evenhand sweep --example > sweep.toml` writes one",
             )
         if self.workers is not None:
             whole("workers", self.workers, 1, MOST_WORKERS if self.ray else WORKERS[1])

@@ -70,7 +70,8 @@ class View:
             for option, value in (("--robot", self.robot), ("--strength", self.strength)):
                 if value is not None:
                     raise InputError(
-                        f"--run and {option} exclude each other: leave one of them out"
+                        "format run",
+                        f"--run and {option} exclude each other: leave one of them out",
                     )
         whole("seed", self.seed, *SEEDS)
         if self.port is not None:
@@ -82,8 +83,9 @@ class View:
             from evenhand.restaurant.live import studio
         except ImportError as error:
             raise InputError(
+                "missing",
                 "MuJoCo for this system lacks Studio's web viewer: use Linux or macOS, or a "
-                "newer MuJoCo"
+                "newer MuJoCo",
             ) from error
         from evenhand.restaurant.live.shift import Shift
 
@@ -124,8 +126,8 @@ def _check_free(port: int) -> None:
         except OSError as error:
             if error.errno == errno.EACCES:
                 raise InputError(
-                    f"port {port} needs special rights: give one from 1024 on"
+                    "unavailable port", f"port {port} needs special rights: give one from 1024 on"
                 ) from error
             raise InputError(
-                f"port {port} is in use: give another one, or leave --port out"
+                "format port", f"port {port} is in use: give another one, or leave --port out"
             ) from error

@@ -56,9 +56,9 @@ class Watch(Columns):
     def run(self, command: str) -> int:
         """Look again and again; print each alarm as it is raised."""
         if not self.log:
-            raise InputError("no log is given: name a file or the URL of a database")
+            raise InputError("missing log", "no log is given: name a file or the URL of a database")
         if not 0.05 <= self.every <= 86_400:
-            raise InputError(f"every is {self.every}: give 0.05 to 86,400 seconds")
+            raise InputError("format every", f"every is {self.every}: give 0.05 to 86,400 seconds")
         from evenhand.audits import api
         from evenhand.audits.watch import alarm, tail
 

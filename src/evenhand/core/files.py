@@ -26,7 +26,9 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
             os.fsync(file.fileno())
         os.replace(aside, target)
     except OSError as error:
-        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{target} cannot be written: {error.strerror or error}"
+        ) from error
     finally:
         # also after Ctrl-C; after a success there is nothing left to remove
         with contextlib.suppress(OSError):
@@ -45,7 +47,9 @@ def append_text(path: str | os.PathLike[str], text: str) -> None:
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be written: {error.strerror or error}"
+        ) from error
 
 
 def write_json(path: str | os.PathLike[str], content: Any) -> None:
@@ -62,12 +66,13 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise InputError(f"{path} does not exist") from error
+        raise InputError("missing file", f"{path} does not exist") from error
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}") from error
+        raise InputError("unavailable file", f"{path} cannot be read: {error}") from error
     except json.JSONDecodeError as error:
         raise InputError(
-            f"{path} is no JSON or was cut off (line {error.lineno}): delete it or restore it"
+            "format file",
+            f"{path} is no JSON or was cut off (line {error.lineno}): delete it or restore it",
         ) from error
 
 
@@ -79,10 +84,13 @@ def read_record(path: str | os.PathLike[str], *fields: str) -> dict[str, Any]:
     """
     content = read_json(path)
     if not isinstance(content, dict):
-        raise InputError(f"{path} is no record of fields and values: delete it or restore it")
+        raise InputError(
+            "format file", f"{path} is no record of fields and values: delete it or restore it"
+        )
     if any(field not in content for field in fields):
         raise InputError(
-            f"{path} is damaged, it needs the fields {', '.join(fields)}: delete it or restore it"
+            "missing file",
+            f"{path} is damaged, it needs the fields {', '.join(fields)}: delete it or restore it",
         )
     return content
 
@@ -96,10 +104,13 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
         probe.touch()
         probe.unlink()
     except FileExistsError as error:
-        raise InputError(f"{folder} is a file, not a folder: give another one") from error
+        raise InputError(
+            "format folder", f"{folder} is a file, not a folder: give another one"
+        ) from error
     except OSError as error:
         raise InputError(
-            f"folder {folder} cannot be written ({error.strerror or error}): give another one"
+            "unavailable folder",
+            f"folder {folder} cannot be written ({error.strerror or error}): give another one",
         ) from error
     return folder
 
@@ -121,14 +132,16 @@ def locked(folder: Path) -> Iterator[None]:
         file = (folder / ".lock").open("w")
     except OSError as error:
         raise InputError(
-            f"folder {folder} cannot be written ({error.strerror or error}): give another one"
+            "unavailable folder",
+            f"folder {folder} cannot be written ({error.strerror or error}): give another one",
         ) from error
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise InputError(
-                f"another process works in {folder}: wait for it or give another folder"
+                "unavailable another",
+                f"another process works in {folder}: wait for it or give another folder",
             ) from error
         yield
 
@@ -140,12 +153,16 @@ def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
         differs = differences(read_record(path), content)
         if differs:
             raise InputError(
+                "type folder",
                 f"{folder} holds another experiment ({differs}): give another folder, or delete "
-                "this one"
+                "this one",
             )
         return
     if any(folder.glob("[!.]*")):
-        raise InputError(f"{folder} is not empty and holds no such experiment: give another folder")
+        raise InputError(
+            "unknown folder",
+            f"{folder} is not empty and holds no such experiment: give another folder",
+        )
     write_json(path, content)
 
 

@@ -43,7 +43,9 @@ def load_plugin(path: str | os.PathLike[str]) -> ModuleType:
     if file in _files:
         return _files[file]
     if file.suffix != ".py" or not file.is_file():
-        raise InputError(f"plugin {path} is no Python file: give the path of a file NAME.py")
+        raise InputError(
+            "format plugin", f"plugin {path} is no Python file: give the path of a file NAME.py"
+        )
     name = f"evenhand_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
@@ -121,12 +123,14 @@ def load_texts(files: Mapping[str, str]) -> None:
 
 def _failed(what: str, error: BaseException) -> InputError:
     if isinstance(error, InputError):
-        return InputError(f"{what}: {error}")
+        return InputError(f"format {what}", f"{what}: {error}")
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
     lines = traceback.format_list(own) + traceback.format_exception_only(error)
     print("Traceback (most recent call last):\n" + "".join(lines), end="", file=sys.stderr)
-    return InputError(f"{what} cannot be loaded ({type(error).__name__}): correct it")
+    return InputError(
+        f"unavailable {what}", f"{what} cannot be loaded ({type(error).__name__}): correct it"
+    )
 
 
 def source_of(code: Any) -> str | None:
@@ -158,7 +162,9 @@ def check_name(kind: str, name: Any) -> None:
         InputError: when it cannot.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise InputError(f"a {kind} cannot be called {name!r}: give letters, digits, - and _")
+        raise InputError(
+            "unsupported a", f"a {kind} cannot be called {name!r}: give letters, digits, - and _"
+        )
 
 
 def origin(frame: FrameType, *code: Any) -> tuple[str, str | None]:

@@ -180,7 +180,7 @@ def run_each(
 
 def _check(workers: int) -> None:
     if workers < 1:
-        raise InputError(f"workers is {workers}: give at least 1")
+        raise InputError("range workers", f"workers is {workers}: give at least 1")
 
 
 def _lost(code: int) -> str:
@@ -197,7 +197,7 @@ def _run_apart(
             elif kind == "result":
                 results[index] = pickle.loads(content)
             elif kind == "input":
-                raise InputError(content)
+                raise InputError("format", content)
             elif kind == "failure":
                 raise RuntimeError(f"{tasks[index].name} failed:\n{content}")
             elif kind == "lost" and content == 0:

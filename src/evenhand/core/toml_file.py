@@ -116,9 +116,11 @@ def text_of(path: str | os.PathLike[str]) -> str:
     try:
         return Path(path).read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as UTF-8") from error
+        raise InputError("format file", f"{path} is not UTF-8 text: save it as UTF-8") from error
 
 
 def content_of(text: str) -> dict[str, Any] | Mistake:

@@ -25,7 +25,7 @@ from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
 from evenhand.methods import detector_file, registry
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import worlds
 from evenhand.restaurant.robots import ScriptedRobot
 from evenhand.restaurant.worlds import World
@@ -71,7 +71,7 @@ class Run:
     settings: TrainSettings
     state: LearnerState = field(repr=False)
     epochs: Sequence[Mapping[str, Any]] = field(repr=False)
-    services: Interactions = field(repr=False)
+    services: Services = field(repr=False)
     folder: Path | None = None
 
     @property
@@ -153,7 +153,7 @@ class Evaluation:
 
     who: str
     world: World
-    services: Interactions = field(repr=False)
+    services: Services = field(repr=False)
     seed: int
 
     @cached_property
@@ -349,7 +349,10 @@ def train(
         usual = inspect.signature(train).parameters
         for name, value in given.items():
             if value != usual[name].default:
-                raise InputError(f"{name} and settings are both given: put {name} into settings")
+                raise InputError(
+                    f"conflict {name}",
+                    f"{name} and settings are both given: put {name} into settings",
+                )
     judge = detector
     if detector is None:
         judge = learning.shipped_detector(settings)
@@ -376,10 +379,10 @@ def train(
             tell(1, record.numbers)
             numbers = {k: v for k, v in record.numbers.items() if not k.startswith("time_")}
             lines.append({"epoch": record.epoch} | numbers)
-            tables.append(record.interactions)
+            tables.append(record.services)
             state = record.state
     assert state is not None
-    return Run(settings, state, lines, Interactions.concat(tables))
+    return Run(settings, state, lines, Services.concat(tables))
 
 
 def evaluate(

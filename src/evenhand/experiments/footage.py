@@ -36,8 +36,9 @@ def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage
     for number in services:
         if number not in row_of:
             raise InputError(
+                "missing folder",
                 f"{folder} holds no facts of service {number} yet: let the run go on to its next "
-                "checkpoint"
+                "checkpoint",
             )
     return Footage(seen, facts.take(np.array([row_of[number] for number in services])))
 

@@ -7,13 +7,13 @@ from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector, issues
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import membership
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.report.model_cards.robot import Trial
 from evenhand.statistics import detector_accuracy, verdicts
 from evenhand.statistics.means import SHARE, mean_interval
 
 
-def trial_of(table: Interactions, seed: int, population: str) -> Trial:
+def trial_of(table: Services, seed: int, population: str) -> Trial:
     """All that a card says of a trial.
 
     Args:
@@ -67,8 +67,9 @@ def evaluation_of(
     )
     if not same:
         raise InputError(
+            "format answers",
             f"the answers are not those that the detector was fitted to ({again.rows} judgements "
-            f"here, {judge.rows} there): give its own answers, or none"
+            f"here, {judge.rows} there): give its own answers, or none",
         )
     return detector_accuracy.evaluate(
         scores,

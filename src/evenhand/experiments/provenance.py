@@ -58,7 +58,8 @@ def of_run(folder: Path, done: dict[str, Any]) -> Origin:
     for name in ("versions", "commit", "world"):
         if not isinstance(found[name], dict | None):
             raise InputError(
-                f"{folder} is damaged, its {name} are no record: delete it, and it is run again"
+                "format folder",
+                f"{folder} is damaged, its {name} are no record: delete it, and it is run again",
             )
     return found
 
@@ -73,8 +74,9 @@ def check(folder: Path, then: Origin, here: Origin) -> None:
     )  # fmt: skip
     if differs:
         raise InputError(
+            "changed folder",
             f"{folder} was made in another scenario or with another detector ({differs}): use the "
-            "version that made it, or begin anew in another folder"
+            "version that made it, or begin anew in another folder",
         )
 
 

@@ -55,9 +55,13 @@ class ReproduceSettings:
             if name not in PRESETS:
                 raise unknown("preset", name, PRESETS)
         if not self.preset:
-            raise InputError(f"no preset is given: choose from {', '.join(PRESETS)}")
+            raise InputError(
+                "missing preset", f"no preset is given: choose from {', '.join(PRESETS)}"
+            )
         if len(set(self.preset)) < len(self.preset):
-            raise InputError(f"a preset is given twice: {', '.join(self.preset)}")
+            raise InputError(
+                "duplicate preset", f"a preset is given twice: {', '.join(self.preset)}"
+            )
         from evenhand.restaurant import people
 
         people.population(self.population)

@@ -76,26 +76,32 @@ def load(path: str | Path) -> Detector:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         raise InputError(
+            "format file",
             f"{where} is cut off or is not JSON: line {error.lineno}, column {error.colno}: "
-            f"{error.msg}"
+            f"{error.msg}",
         ) from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is not a detector: {error}") from error
+        raise InputError("format file", f"{where} is not a detector: {error}") from error
     if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
-        raise InputError(f"{where} is not a detector: field 'format' must be {FORMAT!r}")
+        raise InputError(
+            "format format", f"{where} is not a detector: field 'format' must be {FORMAT!r}"
+        )
     version = content.pop("version", None)
     if version != VERSION or isinstance(version, bool):
         raise InputError(
+            "changed file",
             f"{where} has version {version!r}, but this Evenhand reads version {VERSION}: "
-            "fit the detector again"
+            "fit the detector again",
         )
     names = [field.name for field in fields(Detector)]
     for name in names:
         if name not in content:
-            raise InputError(f"{where} lacks field {name!r}: save the detector again")
+            raise InputError(
+                f"missing {name}", f"{where} lacks field {name!r}: save the detector again"
+            )
     for name in content:
         if name not in names:
-            raise InputError(f"{where}: {unknown('field', name, names)}")
+            raise InputError("unknown file", f"{where}: {unknown('field', name, names)}")
     try:
         return Detector(
             issues=_names(content, "issues"),
@@ -114,7 +120,7 @@ def load(path: str | Path) -> Detector:
             threshold=_number(content["threshold"], "threshold"),
         )
     except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise InputError("format file", f"{where}: {error}") from error
 
 
 def read_answers(
@@ -160,7 +166,8 @@ def read_answers(
             row = f"{where}, line {lines.line_num}"
             if len(cells) != len(header):
                 raise InputError(
-                    f"{row}: there are {len(cells)} cells where the header has {len(header)}"
+                    "format",
+                    f"{row}: there are {len(cells)} cells where the header has {len(header)}",
                 )
             cell = {name: cells[i].strip() for name, i in columns.items()}
             scores.append(
@@ -175,11 +182,13 @@ def read_answers(
             kinds.append(_kind(cell.get("discrimination", ""), biased[-1], known, row))
             respondents.append(cell.get("respondent", ""))
             if "respondent" in columns and not respondents[-1]:
-                raise InputError(f"{row}, column 'respondent': the cell is empty")
+                raise InputError("empty", f"{row}, column 'respondent': the cell is empty")
     except csv.Error as error:
-        raise InputError(f"{where}, line {lines.line_num}: {error}") from error
+        raise InputError("format file", f"{where}, line {lines.line_num}: {error}") from error
     if not scores:
-        raise InputError(f"{where} has no answers: give one row for each judged window")
+        raise InputError(
+            "missing file", f"{where} has no answers: give one row for each judged window"
+        )
     return Answers(
         issue_scores=np.array(scores),
         biased=np.array(biased),
@@ -192,35 +201,39 @@ def _text(path: str | Path, where: str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise InputError(f"cannot read {where}: {error.strerror}") from error
+        raise InputError("format cannot", f"cannot read {where}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{where} is not text in UTF-8 (byte {error.start})") from error
+        raise InputError(
+            "format file", f"{where} is not text in UTF-8 (byte {error.start})"
+        ) from error
 
 
 def _number(value: object, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"field {field!r} must be a number")
+        raise InputError(f"format {field}", f"field {field!r} must be a number")
     try:
         return float(value)
     except OverflowError as error:
-        raise InputError(f"field {field!r} holds a number that is far too large") from error
+        raise InputError(
+            f"format {field}", f"field {field!r} holds a number that is far too large"
+        ) from error
 
 
 def _whole(value: object, field: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"field {field!r} must be a whole number")
+        raise InputError(f"range {field}", f"field {field!r} must be a whole number")
     return value
 
 
 def _name(value: object, field: str) -> str:
     if not isinstance(value, str) or not value:
-        raise InputError(f"field {field!r} must be a name")
+        raise InputError(f"format {field}", f"field {field!r} must be a name")
     return value
 
 
 def _list(value: object, field: str) -> list[object]:
     if not isinstance(value, list):
-        raise InputError(f"field {field!r} must be a list")
+        raise InputError(f"format {field}", f"field {field!r} must be a list")
     return value
 
 
@@ -239,20 +252,20 @@ def _names(content: dict[str, object], field: str) -> tuple[str, ...]:
 
 def _columns(header: list[str], issues: Sequence[str], where: str) -> dict[str, int]:
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
-        raise InputError(f"{where}: separate the columns by commas")
+        raise InputError("format file", f"{where}: separate the columns by commas")
     wanted = {name: name.lower() for name in (*issues, "biased")}
     used = {name: header.index(low) for name, low in wanted.items() if low in header}
     for name in wanted:
         if name not in used:
             guess = nearest(name, [other for other in header if other not in wanted.values()])
             hint = f" (is it {guess!r}?)" if guess else ""
-            raise InputError(f"{where} lacks column {name!r}{hint}")
+            raise InputError(f"missing {name}", f"{where} lacks column {name!r}{hint}")
     for name in ("discrimination", "respondent"):
         if name in header:
             used[name] = header.index(name)
     for name in used:
         if header.count(name.lower()) > 1:
-            raise InputError(f"{where} has column {name!r} twice")
+            raise InputError(f"duplicate {name}", f"{where} has column {name!r} twice")
     return used
 
 
@@ -261,15 +274,15 @@ def _score(cell: str, at: str) -> float:
         score = float(cell.replace("_", "?"))  # Python reads 0_1 as 1
     except ValueError as error:
         what = f"{cell!r} is not a number" if cell else "the cell is empty"
-        raise InputError(f"{at}: {what}; give a score such as 0.25") from error
+        raise InputError("format", f"{at}: {what}; give a score such as 0.25") from error
     if not -1 <= score <= 1:
-        raise InputError(f"{at}: {cell} is outside -1 to 1; give a share, not percent")
+        raise InputError("range", f"{at}: {cell} is outside -1 to 1; give a share, not percent")
     return score
 
 
 def _yes(cell: str, at: str) -> bool:
     if cell.lower() not in YES + NO:
-        raise InputError(f"{at}: {cell!r} is neither yes nor no")
+        raise InputError("format", f"{at}: {cell!r} is neither yes nor no")
     return cell.lower() in YES
 
 
@@ -280,7 +293,7 @@ def _kind(cell: str, biased: bool, known: Mapping[str, str], row: str) -> str | 
         return None
     at = f"{row}, column 'discrimination'"
     if name not in known:
-        raise InputError(f"{at}: {unknown('discrimination', cell, known.values())}")
+        raise InputError("unknown", f"{at}: {unknown('discrimination', cell, known.values())}")
     if not biased:
-        raise InputError(f"{at}: {cell!r} is named in a row that says not biased")
+        raise InputError("format", f"{at}: {cell!r} is named in a row that says not biased")
     return known[name]

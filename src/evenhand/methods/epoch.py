@@ -84,7 +84,7 @@ class Epoch:
             InputError: without a detector.
         """
         if self.judge is None:
-            raise InputError("the method asks for a verdict: give a detector")
+            raise InputError("format method", "the method asks for a verdict: give a detector")
         return self.judge(self.scores)
 
     @property

@@ -40,10 +40,12 @@ class GuardSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.level < 1.0:
-            raise InputError(f"level is {self.level}: give a chance above 0 and below 1")
+            raise InputError(
+                "range level", f"level is {self.level}: give a chance above 0 and below 1"
+            )
         whole("windows", self.windows, 1, 1_000)
         if not 0.0 <= self.keep < 1.0:
-            raise InputError(f"keep is {self.keep}: give a number from 0 to below 1")
+            raise InputError("range keep", f"keep is {self.keep}: give a number from 0 to below 1")
 
 
 @dataclass(frozen=True)

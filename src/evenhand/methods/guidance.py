@@ -78,23 +78,26 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
     found = method.teach(epoch, memory)
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(
-            f"{what}: teach gave {type(found).__name__}: give rewards or advantages, and the memory"
+            f"type {what}",
+            f"{what}: teach gave {type(found).__name__}: give rewards or advantages and the memory",
         )
     given, after = found
     was, now = tree.shapes(memory), tree.shapes(after)
     if was != now:
         odd = next(name for name in {**was, **now} if was.get(name) != now.get(name))
         raise InputError(
+            f"shape {what}",
             f"{what}: {odd or 'the memory'} was of shape {was.get(odd)} and is of {now.get(odd)}: "
-            "keep the shapes that begin gave"
+            "keep the shapes that begin gave",
         )
     n, length = np.shape(epoch.mask)
     if not isinstance(given, Guidance):
         values = _numbers(what, "it", given)
         if values.shape not in ((n,), (n, length)):
             raise InputError(
+                f"shape {what}",
                 f"{what}: it gave an array of shape {values.shape}: give rewards of the services, "
-                f"{(n,)}, or advantages of their decisions, {(n, length)}"
+                f"{(n,)}, or advantages of their decisions, {(n, length)}",
             )
         given = Guidance(rewards=values) if values.ndim == 1 else Guidance(advantages=values)
     happened = np.asarray(epoch.mask) > 0
@@ -125,14 +128,17 @@ def _checked(what: str, given: Guidance, happened: np.ndarray) -> Guidance:
             continue
         values = _numbers(what, name, values)
         if values.shape != shape:
-            raise InputError(f"{what}: {name} has shape {values.shape}: give {shape}")
+            raise InputError(
+                f"shape {what}", f"{what}: {name} has shape {values.shape}: give {shape}"
+            )
         if len(shape) == 2:
             values = np.where(happened, values, 0.0)
         odd = ~np.isfinite(values)
         if odd.any():
             place = int(np.flatnonzero(odd.reshape(n, -1).any(axis=1))[0])
             raise InputError(
-                f"{what}, service {place}: {name} is {values[odd][0]}: give finite numbers"
+                f"range {what}",
+                f"{what}, service {place}: {name} is {values[odd][0]}: give finite numbers",
             )
         checked[name] = values
     return Guidance(**checked)
@@ -144,5 +150,7 @@ def _numbers(what: str, name: str, values: Any) -> np.ndarray:
     except ValueError:
         found = np.array(None)
     if found.dtype.kind not in "biuf":
-        raise InputError(f"{what}: {name} gave {type(values).__name__}: give an array of numbers")
+        raise InputError(
+            f"type {what}", f"{what}: {name} gave {type(values).__name__}: give an array of numbers"
+        )
     return found

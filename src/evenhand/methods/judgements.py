@@ -20,16 +20,20 @@ def checked_scores(issue_scores: ArrayLike, issues: tuple[str, ...]) -> NDArray[
     try:
         scores = np.asarray(issue_scores, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"issue scores must be an array of numbers: {error}") from error
+        raise InputError(
+            "format issue", f"issue scores must be an array of numbers: {error}"
+        ) from error
     if scores.ndim == 0 or scores.shape[-1] != len(issues):
         raise InputError(
+            "shape issue",
             f"issue scores have shape {scores.shape}: the last dimension must be the "
-            f"{len(issues)} issues {', '.join(issues)}"
+            f"{len(issues)} issues {', '.join(issues)}",
         )
     if (np.abs(scores) > 1 + 1e-9).any():
         raise InputError(
+            "range issue",
             f"issue scores lie between -1 and 1, but {np.nanmax(np.abs(scores)):g} was given: "
-            "use shares, not percent"
+            "use shares, not percent",
         )
     return scores
 
@@ -52,28 +56,31 @@ def checked_judgements(
     answers = np.asarray(biased)
     if scores.ndim != 2 or answers.shape != scores.shape[:1]:
         raise InputError(
+            "shape judgements",
             f"judgements need scores [n, {len(issues)}] and answers [n], but the shapes are "
-            f"{scores.shape} and {answers.shape}"
+            f"{scores.shape} and {answers.shape}",
         )
     if answers.dtype.kind not in "biuf" or not np.isin(answers, (0, 1)).all():
-        raise InputError("the answers 'biased' must be True or False")
+        raise InputError("format answers", "the answers 'biased' must be True or False")
     for row, column in np.argwhere(np.isnan(scores))[:1]:
         raise InputError(
+            "missing row",
             f"row {row} has no score for issue {issues[column]!r}: leave out judgements of "
-            "windows with a missing score"
+            "windows with a missing score",
         )
     y = answers.astype(bool)
     if y.all() or not y.any():
         raise InputError(
+            "conflict all",
             f"all {len(y)} judgements are {'biased' if y.any() else 'not biased'}: "
-            "the detector needs examples of both"
+            "the detector needs examples of both",
         )
     names: list[str | None] = (
         [None] * len(y) if kinds is None else [str(k) if k else None for k in kinds]
     )
     if len(names) != len(y):
-        raise InputError(f"there are {len(names)} kinds for {len(y)} judgements")
+        raise InputError("format there", f"there are {len(names)} kinds for {len(y)} judgements")
     for row, name in enumerate(names):
         if name is not None and not y[row]:
-            raise InputError(f"row {row} names {name!r} but was judged not biased")
+            raise InputError("format row", f"row {row} names {name!r} but was judged not biased")
     return scores, y, names

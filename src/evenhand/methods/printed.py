@@ -44,7 +44,9 @@ class Score:
         if self.credit not in CREDITS:
             raise unknown("credit", self.credit, CREDITS)
         if not 0.0 <= self.strength < np.inf:
-            raise InputError(f"strength is {self.strength}: give a finite number from 0 up")
+            raise InputError(
+                "range strength", f"strength is {self.strength}: give a finite number from 0 up"
+            )
 
     def begin(self, scheme: Any) -> None:
         """Nothing to remember."""
@@ -82,7 +84,9 @@ class Penalty(Score):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0.0 <= self.lam <= 1.0:
-            raise InputError(f"lam is {self.lam}: lambda multiplies rewards, give 0 to 1")
+            raise InputError(
+                "format lam", f"lam is {self.lam}: lambda multiplies rewards, give 0 to 1"
+            )
 
     def _rewards(self, services: Epoch, window: Epoch) -> np.ndarray:
         reward = super()._rewards(services, window)

@@ -122,22 +122,29 @@ def method(
 
     def register(kind: Class) -> Class:
         if not name or not name.replace("_", "").replace("-", "").isalnum():
-            raise InputError(f"method {name!r}: give a name of letters, digits, - and _")
+            raise InputError(
+                "format method", f"method {name!r}: give a name of letters, digits, - and _"
+            )
         _check_free(name, kind)
         for needed in ("begin", "teach"):
             if not callable(getattr(kind, needed, None)):
-                raise InputError(f"method {name!r} has no {needed}: add it to {kind.__name__}")
+                raise InputError(
+                    "missing method", f"method {name!r} has no {needed}: add it to {kind.__name__}"
+                )
         if strength is not None and not is_dataclass(kind):
             kind.__annotations__ = inspect.get_annotations(kind) | {field: float}
             setattr(kind, field, strength)
         if not is_dataclass(kind):
             if "__init__" in vars(kind):
                 raise InputError(
-                    f"method {name!r} has an __init__: make its settings fields of a dataclass"
+                    "format method",
+                    f"method {name!r} has an __init__: make its settings fields of a dataclass",
                 )
             kind = dataclass(frozen=True)(kind)
         elif not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-            raise InputError(f"method {name!r} is a dataclass that can change: make it frozen")
+            raise InputError(
+                "format method", f"method {name!r} is a dataclass that can change: make it frozen"
+            )
         names = [one.name for one in fields(kind)]
         lacking = [
             one.name
@@ -145,9 +152,14 @@ def method(
             if one.default is MISSING and one.default_factory is MISSING
         ]
         if lacking:
-            raise InputError(f"method {name!r}: give {', '.join(lacking)} a default")
+            raise InputError(
+                "format method", f"method {name!r}: give {', '.join(lacking)} a default"
+            )
         if strength is not None and (field not in names or getattr(kind(), field) != strength):
-            raise InputError(f"method {name!r}: give {field} the default {strength} in the class")
+            raise InputError(
+                "format method",
+                f"method {name!r}: give {field} the default {strength} in the class",
+            )
         has = field if field in names else None
         _entries[name] = Entry(name, kind, label or name, colour, marker, filled, own, has)
         return kind  # type: ignore[return-value]
@@ -162,7 +174,9 @@ def _check_free(name: str, kind: type) -> None:
     again = other and (other.__module__, other.__qualname__) == (kind.__module__, kind.__qualname__)
     if (other is not None and not again) or (name in BUILT_IN and kind.__module__ != module):
         where = f"by {other.__module__}" if other and name not in BUILT_IN else "with Evenhand"
-        raise InputError(f"method {name!r} is there already, {where}: choose another name")
+        raise InputError(
+            "duplicate method", f"method {name!r} is there already, {where}: choose another name"
+        )
 
 
 def names() -> tuple[str, ...]:
@@ -181,7 +195,7 @@ def entry(name: str) -> Entry:
         importlib.import_module(f"{__package__}.{BUILT_IN[name]}")
     if name not in _entries and name not in names():
         hint = unknown("method", name, names())
-        raise InputError(f"{hint}; the file of an own method is named by --plugin")
+        raise InputError("format", f"{hint}; the file of an own method is named by --plugin")
     return _entries[name]
 
 
@@ -195,13 +209,15 @@ def parted(text: str) -> tuple[str, float | None]:
     if not mark:
         return entry(name).name, None
     if entry(name).strength is None:
-        raise InputError(f"{text}: {name} has no strength, drop @{after}")
+        raise InputError("conflict", f"{text}: {name} has no strength, drop @{after}")
     try:
         strength = float(after) + 0.0  # which makes -0.0 the other zero
         if not isfinite(strength) or strength < 0:
             raise ValueError
     except ValueError:
-        raise InputError(f"{text}: give a finite strength of at least 0 after the @") from None
+        raise InputError(
+            "range", f"{text}: give a finite strength of at least 0 after the @"
+        ) from None
     return name, strength
 
 
@@ -229,7 +245,9 @@ def create(text: str, **settings: Any) -> Any:
     for given in settings:
         if given not in known:
             if not known:
-                raise InputError(f"method {name} has no settings: leave {given} out")
+                raise InputError(
+                    "missing method", f"method {name} has no settings: leave {given} out"
+                )
             raise unknown(f"setting of {name}", given, known)
     if strength is not None and found.strength is not None:
         settings = {found.strength: strength} | settings
@@ -248,7 +266,8 @@ def as_method(value: Any) -> Any:
         hash(found)
     except TypeError as error:
         raise InputError(
-            f"settings of method {name_of(found)!r} can change ({error}): give tuples and numbers"
+            "type settings",
+            f"settings of method {name_of(found)!r} can change ({error}): give tuples and numbers",
         ) from error
     return found
 
@@ -263,7 +282,8 @@ def entry_of(found: Any) -> Entry:
         if type(found) is one.kind:
             return one
     raise InputError(
-        f"{found!r} is no method: register its class with @evenhand.method, or give a name"
+        "format",
+        f"{found!r} is no method: register its class with @evenhand.method, or give a name",
     )
 
 
@@ -291,8 +311,9 @@ def described(found: Any) -> dict[str, Any]:
         plain = json.loads(json.dumps(settings, allow_nan=False))
     except (TypeError, ValueError) as error:
         raise InputError(
+            "unavailable settings",
             f"settings of method {name_of(found)!r} cannot be written down ({error}): use text, "
-            "finite numbers and tuples of them"
+            "finite numbers and tuples of them",
         ) from error
     return {"name": name_of(found), "settings": plain, "source": plugins.source_of(kind)}
 
@@ -325,7 +346,9 @@ def changed(found: Any, settings: Mapping[str, str]) -> Any:
     for field, text in settings.items():
         if field not in known:
             if not known:
-                raise InputError(f"method {name} has no settings: leave {field} out")
+                raise InputError(
+                    "missing method", f"method {name} has no settings: leave {field} out"
+                )
             raise unknown(f"setting of {name}", field, known)
         values[field] = _read(f"{field} of {name}", text, getattr(found, field))
     return replace(found, **values)
@@ -341,4 +364,4 @@ def _read(what: str, text: str, like: Any) -> Any:
             return tuple(_read(what, part, first) for part in text.split(","))
         return type(like)(text) if wanted else text
     except (KeyError, ValueError):
-        raise InputError(f"{what} is {text!r}: give {wanted}") from None
+        raise InputError(f"type {what}", f"{what} is {text!r}: give {wanted}") from None

@@ -19,7 +19,7 @@ import pyarrow as pa
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Facts, Issue, indicators
 from evenhand.methods.paper.scores import Counts, Scores, count, scores_of
-from evenhand.methods.services import FACTS, OWN_TYPES, Interactions
+from evenhand.methods.services import FACTS, OWN_TYPES, Services
 from evenhand.methods.vocabulary import Identity
 
 KINDS: dict[type, pa.DataType] = {bool: OWN_TYPES[0], int: OWN_TYPES[1], float: OWN_TYPES[2]}
@@ -53,11 +53,12 @@ class Fact:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(
-                f"fact {self.name!r} is of kind {self.kind!r}: give bool, int or float"
+                "type fact", f"fact {self.name!r} is of kind {self.kind!r}: give bool, int or float"
             )
         if not self.least <= self.most:
             raise InputError(
-                f"fact {self.name!r} lies from {self.least} to {self.most}: give the least first"
+                "range fact",
+                f"fact {self.name!r} lies from {self.least} to {self.most}: give the least first",
             )
 
     @property
@@ -117,14 +118,17 @@ def own_issue(
     """
     needs = (needs,) if isinstance(needs, str) else tuple(needs)
     if not needs:
-        raise InputError(f"issue {name!r} needs no fact: name those that its rule reads")
+        raise InputError(
+            f"missing {name}", f"issue {name!r} needs no fact: name those that its rule reads"
+        )
 
     def asked(what: str, function: Callable[..., np.ndarray], columns: list[Any]) -> np.ndarray:
         found = np.asarray(function(*columns))
         if found.shape != columns[0].shape or found.dtype != bool:
             raise InputError(
+                f"shape {name}",
                 f"issue {name!r}: its {what} gave {found.dtype} of shape {found.shape} for "
-                f"{len(columns[0])} services: give True or False for each"
+                f"{len(columns[0])} services: give True or False for each",
             )
         return found
 
@@ -132,13 +136,15 @@ def own_issue(
         found = np.asarray(rule(*columns), float)
         if found.shape != known.shape:
             raise InputError(
+                f"shape {name}",
                 f"issue {name!r}: its rule gave an array of shape {found.shape} for {len(known)} "
-                "services: give a severity for each"
+                "services: give a severity for each",
             )
         if (wrong := known & ~((found >= 0.0) & (found <= 1.0))).any():
             row = int(np.flatnonzero(wrong)[0])
             raise InputError(
-                f"issue {name!r} has severity {found[row]:g} in service {row}: give 0 to 1"
+                f"format {name}",
+                f"issue {name!r} has severity {found[row]:g} in service {row}: give 0 to 1",
             )
         return found
 
@@ -176,12 +182,15 @@ class Scheme:
             ("issues", self.issues),
         ):
             if not listed:
-                raise InputError(f"the scheme has no {kind}: name at least one")
+                raise InputError("missing scheme", f"the scheme has no {kind}: name at least one")
             _once(kind, [one.name for one in listed])
         facts = [fact.name for fact in self.facts]
         _once("identities and facts", [*NUMBERING, *self.names, *facts])
         if taken := [name for name in self.names if name in FACTS]:
-            raise InputError(f"identity {taken[0]!r} has the name of a fact: call it otherwise")
+            raise InputError(
+                "format identity",
+                f"identity {taken[0]!r} has the name of a fact: call it otherwise",
+            )
         for issue in self.issues:
             for need in issue.needs:
                 if need not in facts:
@@ -190,8 +199,9 @@ class Scheme:
             house = FACTS.get(fact.name)
             if house is not None and not _fits(fact.kind, house):
                 raise InputError(
+                    "format fact",
                     f"fact {fact.name!r} is {fact.kind.__name__}, but the house's fact of that "
-                    f"name holds {house}: call it otherwise"
+                    f"name holds {house}: call it otherwise",
                 )
 
     @property
@@ -211,7 +221,7 @@ class Scheme:
 
     @property
     def own(self) -> dict[str, pa.DataType]:
-        """Facts that only this scheme has, as Interactions want them."""
+        """Facts that only this scheme has, as Services want them."""
         return {f.name: f.column for f in self.facts if f.name not in FACTS}
 
     def inside(self, codes: np.ndarray) -> np.ndarray:
@@ -224,7 +234,7 @@ class Scheme:
             [one.sides[codes[:, d]] for d, one in enumerate(self.identities)], axis=1
         )
 
-    def codes(self, table: Interactions) -> np.ndarray:
+    def codes(self, table: Services) -> np.ndarray:
         """Groups of the services of a table by this scheme's order, int64 [n, D].
 
         Raises:
@@ -246,7 +256,7 @@ class Scheme:
         """Which service has which issue, float64 [n, K], see :func:`issues.indicators`."""
         return indicators(facts, self.issues)
 
-    def count(self, table: Interactions) -> Counts:
+    def count(self, table: Services) -> Counts:
         """All that Eq. 1 needs of a table, [G, K].
 
         Raises:
@@ -254,7 +264,7 @@ class Scheme:
         """
         return count(self.indicators(table), self.inside(self.codes(table)))
 
-    def score(self, table: Interactions) -> Scores:
+    def score(self, table: Services) -> Scores:
         """Eq. 1 and 2 of a table.
 
         Raises:
@@ -286,9 +296,11 @@ def _missing(column: np.ndarray) -> np.ndarray:
 def _once(kind: str, names: Sequence[str]) -> None:
     for name in names:
         if not name:
-            raise InputError(f"one of the {kind} has no name: give it one")
+            raise InputError("missing one", f"one of the {kind} has no name: give it one")
         if names.count(name) > 1:
-            raise InputError(f"{name!r} stands twice among the {kind}: call one otherwise")
+            raise InputError(
+                f"duplicate {name}", f"{name!r} stands twice among the {kind}: call one otherwise"
+            )
 
 
 def _fits(kind: type, column: pa.DataType) -> bool:

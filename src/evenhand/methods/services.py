@@ -1,4 +1,4 @@
-"""Interactions: one row a service, raw facts only. The currency between world and judgement.
+"""Services: one row a service, raw facts only. The currency between world and judgement.
 
 Two kinds of columns: identities (any number, named, categorical) and facts: those of the house
 (``FACTS``) and own ones, declared with their type. Columns that a log lacks are absent; cells that
@@ -56,12 +56,14 @@ def kinds_of(own: Mapping[str, pa.DataType]) -> dict[str, pa.DataType]:
     for name, kind in own.items():
         if name in FACTS and kind != FACTS[name]:
             raise InputError(
+                "format own",
                 f"own fact {name!r} holds {kind}, but the fact of that name holds {FACTS[name]}: "
-                "give it another name"
+                "give it another name",
             )
         if name not in FACTS and kind not in OWN_TYPES:
             raise InputError(
-                f"own fact {name!r} holds {kind}: choose one of {', '.join(map(str, OWN_TYPES))}"
+                "format own",
+                f"own fact {name!r} holds {kind}: choose one of {', '.join(map(str, OWN_TYPES))}",
             )
     return FACTS | dict(own)
 
@@ -102,7 +104,7 @@ def fact_column(name: str, values: Any, kind: pa.DataType) -> pa.Array:
     try:
         return of_kind(pa.array(values, mask=mask, from_pandas=True), kind)
     except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
-        raise InputError(f"fact {name!r}: {error}") from error
+        raise InputError(f"format {name}", f"fact {name!r}: {error}") from error
 
 
 def coded(name: str, codes: Any, categories: Sequence[str]) -> pa.Array:
@@ -115,10 +117,13 @@ def coded(name: str, codes: Any, categories: Sequence[str]) -> pa.Array:
     whole = codes.dtype.kind in "biu" or not codes.size or (codes == np.round(codes)).all()
     if not whole or (codes.size and (codes.min() < -1 or codes.max() >= len(categories))):
         raise InputError(
-            f"identity {name!r}: codes must be whole numbers of -1 to {len(categories) - 1}"
+            f"format {name}",
+            f"identity {name!r}: codes must be whole numbers of -1 to {len(categories) - 1}",
         )
     if len(set(categories)) < len(categories):
-        raise InputError(f"identity {name!r} has a category twice: {', '.join(categories)}")
+        raise InputError(
+            f"duplicate {name}", f"identity {name!r} has a category twice: {', '.join(categories)}"
+        )
     index = pa.array(codes.astype(np.int32), mask=codes < 0)
     return pa.DictionaryArray.from_arrays(index, pa.array(list(categories)))
 
@@ -163,7 +168,7 @@ _IDENTITIES_KEY, _OWN_KEY = b"evenhand.identities", b"evenhand.own_facts"
 _NONE: Mapping[str, pa.DataType] = {}
 
 
-class Interactions:
+class Services:
     """An immutable table of services.
 
     Build one with :meth:`build`, :meth:`from_arrow`, :meth:`read_parquet` or :meth:`read_csv`.
@@ -192,19 +197,28 @@ class Interactions:
         types = dict(zip(schema.names, schema.types, strict=True))
         if len(types) < len(schema):
             twice = next(name for name in types if schema.names.count(name) > 1)
-            raise InputError(f"column {twice!r} stands there twice: rename or drop one")
+            raise InputError(
+                f"duplicate {twice}", f"column {twice!r} stands there twice: rename or drop one"
+            )
         for name in identities:
             if name in kinds:
-                raise InputError(f"identity {name!r} has the name of a fact: rename the column")
+                raise InputError(
+                    f"format {name}", f"identity {name!r} has the name of a fact: rename the column"
+                )
             if name not in types:
-                raise InputError(f"no column {name!r}: the identities named are {list(identities)}")
+                raise InputError(
+                    "format column",
+                    f"no column {name!r}: the identities named are {list(identities)}",
+                )
             if not pa.types.is_dictionary(types.pop(name)):
-                raise InputError(f"identity column {name!r} is not categorical")
+                raise InputError("format identity", f"identity column {name!r} is not categorical")
         for name, kind in types.items():
             if name not in kinds:
                 raise unknown("fact", name, kinds)
             if kind != kinds[name]:
-                raise InputError(f"column {name!r} holds {kind}, expected {kinds[name]}")
+                raise InputError(
+                    f"type {name}", f"column {name!r} holds {kind}, expected {kinds[name]}"
+                )
         self._table = table
         self._identities = tuple(identities)
         self._own = {name: kind for name, kind in own.items() if name not in FACTS}
@@ -215,8 +229,8 @@ class Interactions:
         identities: Mapping[str, tuple[np.ndarray, Sequence[str]]],
         facts: Mapping[str, Any],
         own: Mapping[str, pa.DataType] = _NONE,
-    ) -> Interactions:
-        """Make interactions from arrays.
+    ) -> Services:
+        """Make a table of services from arrays.
 
         Args:
             identities: name -> (codes int [n], categories); a code of -1 stands for a missing
@@ -238,7 +252,7 @@ class Interactions:
             columns[name] = fact_column(name, values, kinds[name])
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
-            raise InputError(f"columns are of unequal length: {lengths}")
+            raise InputError("shape columns", f"columns are of unequal length: {lengths}")
         return cls(pa.table(columns), tuple(identities), own)
 
     @classmethod
@@ -247,7 +261,7 @@ class Interactions:
         table: pa.Table,
         identities: Sequence[str] | None = None,
         own: Mapping[str, pa.DataType] | None = None,
-    ) -> Interactions:
+    ) -> Services:
         """Take an Arrow table; what is not said of it is as :meth:`to_arrow` noted it.
 
         Raises:
@@ -259,7 +273,9 @@ class Interactions:
         if identities is None:
             noted = notes.get(_IDENTITIES_KEY)
             if noted is None:
-                raise InputError("it is not said which columns are identities: name them")
+                raise InputError(
+                    "format it", "it is not said which columns are identities: name them"
+                )
             identities = noted.decode().split("\x1f") if noted else []
         columns = []
         for name, chunks in zip(table.column_names, table.columns, strict=True):
@@ -272,7 +288,7 @@ class Interactions:
                 else:
                     raise unknown("fact", name, kinds)
             except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
-                raise InputError(f"column {name!r}: {error}") from error
+                raise InputError(f"format {name}", f"column {name!r}: {error}") from error
         return cls(pa.table(columns, table.column_names), identities, own)
 
     def to_arrow(self) -> pa.Table:
@@ -283,16 +299,18 @@ class Interactions:
         return self._table.replace_schema_metadata(notes)
 
     @classmethod
-    def read_parquet(cls, path: str | os.PathLike[str]) -> Interactions:
+    def read_parquet(cls, path: str | os.PathLike[str]) -> Services:
         """Read what :meth:`write_parquet` wrote.
 
         Raises:
-            InputError: when the file is missing, cut off, or not of interactions.
+            InputError: when the file is missing, cut off, or not a table of services.
         """
         try:
             table = pq.read_table(path)
         except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(f"{path} cannot be read as Parquet: {error}") from error
+            raise InputError(
+                "unavailable file", f"{path} cannot be read as Parquet: {error}"
+            ) from error
         return cls._from_file(path, table, None)
 
     def write_parquet(self, path: str | os.PathLike[str]) -> None:
@@ -309,7 +327,7 @@ class Interactions:
         path: str | os.PathLike[str],
         identities: Sequence[str],
         own: Mapping[str, pa.DataType] = _NONE,
-    ) -> Interactions:
+    ) -> Services:
         """Read a CSV file with a header; an empty cell is null.
 
         Categories are those that occur, in the order of their first row.
@@ -328,7 +346,9 @@ class Interactions:
                 convert_options=options,
             )
         except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(f"{path} cannot be read as CSV: {error}") from error
+            raise InputError(
+                "unavailable file", f"{path} cannot be read as CSV: {error}"
+            ) from error
         return cls._from_file(path, table, identities, own)
 
     @classmethod
@@ -338,11 +358,11 @@ class Interactions:
         table: pa.Table,
         identities: Sequence[str] | None,
         own: Mapping[str, pa.DataType] | None = None,
-    ) -> Interactions:
+    ) -> Services:
         try:
             return cls.from_arrow(table, identities, own)
         except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise InputError("format file", f"{path}: {error}") from error
 
     def write_csv(self, path: str | os.PathLike[str]) -> None:
         """Write CSV aside and rename it.
@@ -376,7 +396,7 @@ class Interactions:
 
     def __eq__(self, other: object) -> bool:
         return (
-            isinstance(other, Interactions)
+            isinstance(other, Services)
             and self._identities == other._identities
             and self._table.equals(other._table)
         )
@@ -388,8 +408,8 @@ class Interactions:
     def __repr__(self) -> str:
         facts = [name for name in self.column_names if name not in self._identities]
         return (
-            f"Interactions of {len(self):,} services; identities: {', '.join(self._identities)}; "
-            f"facts: {', '.join(facts)}"
+            f"{type(self).__name__} with {len(self):,} rows; "
+            f"identities: {', '.join(self._identities)}; facts: {', '.join(facts)}"
         )
 
     __hash__ = None  # type: ignore[assignment]
@@ -421,23 +441,23 @@ class Interactions:
         codes = column.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int64)
         return codes, tuple(column.dictionary.to_pylist())
 
-    def take(self, rows: np.ndarray) -> Interactions:
+    def take(self, rows: np.ndarray) -> Services:
         """The rows at these indices, or where this mask is true."""
         rows = np.asarray(rows) if np.size(rows) else np.empty(0, np.int64)
         picked = self._table.filter(rows) if rows.dtype == bool else self._table.take(rows)
-        return Interactions(picked, self._identities, self._own)
+        return Services(picked, self._identities, self._own)
 
     @classmethod
-    def concat(cls, parts: Sequence[Interactions]) -> Interactions:
+    def concat(cls, parts: Sequence[Services]) -> Services:
         """One table after the other.
 
         Raises:
             InputError: for no part, or parts with other columns.
         """
         if not parts:
-            raise InputError("nothing to concatenate")
+            raise InputError("empty nothing", "nothing to concatenate")
         if any(part.column_names != parts[0].column_names for part in parts):
-            raise InputError("tables with other columns cannot be put together")
+            raise InputError("conflict tables", "tables with other columns cannot be put together")
         tables = pa.concat_tables([part._table for part in parts]).unify_dictionaries()
         return cls(tables.combine_chunks(), parts[0].identities, parts[0]._own)
 
@@ -449,7 +469,7 @@ def _write(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
         os.replace(aside, path)
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else error
-        raise InputError(f"{path} cannot be written: {reason}") from error
+        raise InputError("unavailable file", f"{path} cannot be written: {reason}") from error
     finally:
         # also after Ctrl-C; after a success there is nothing left to remove
         with contextlib.suppress(OSError):

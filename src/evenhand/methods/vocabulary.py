@@ -60,13 +60,15 @@ class Identity:
         )
         if not named:
             raise InputError(
+                "type identity",
                 f"identity {self.name!r} has the groups {self.groups!r}: give a tuple of names, "
-                "each a text"
+                "each a text",
             )
         if len(self.groups) < 2 or len(set(self.groups)) < len(self.groups):
             raise InputError(
+                "range identity",
                 f"identity {self.name!r} has the groups {list(self.groups)}: name two or more, "
-                "each once"
+                "each once",
             )
         if self.reference is not None and self.reference not in self.groups:
             raise unknown(f"reference group of {self.name!r}", self.reference, self.groups)

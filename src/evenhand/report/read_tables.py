@@ -61,14 +61,20 @@ def read_table(
     header, rows = _csv_rows(path)
     for column in schema:
         if column not in header:
-            raise InputError(f"{path}: column {column!r} is missing; it needs {', '.join(schema)}")
+            raise InputError(
+                f"missing {column}",
+                f"{path}: column {column!r} is missing; it needs {', '.join(schema)}",
+            )
     if not rows and not may_be_empty:
-        raise InputError(f"{path}: there is a header but no rows; run the experiment again")
+        raise InputError(
+            "empty file", f"{path}: there is a header but no rows; run the experiment again"
+        )
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise InputError(
+                "type file",
                 f"{path}: row {number} has {len(row)} cells, the header has {len(header)}; "
-                "correct the row"
+                "correct the row",
             )
     columns: dict[str, NDArray[Any]] = {}
     for column, kind in schema.items():
@@ -87,8 +93,9 @@ def read_table(
         ):
             if values in seen:
                 raise InputError(
+                    "duplicate file",
                     f"{path}: row {number} repeats row {seen[values]} in the columns "
-                    f"{', '.join(key)}; remove one of them"
+                    f"{', '.join(key)}; remove one of them",
                 )
             seen[values] = number
     return Table(columns)
@@ -98,18 +105,20 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise InputError(f"{path} is missing: run the experiment again to write it") from None
+        raise InputError(
+            "missing file", f"{path} is missing: run the experiment again to write it"
+        ) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text: {error}") from None
+        raise InputError("unavailable file", f"{path} cannot be read as text: {error}") from None
 
 
 def _csv_rows(path: Path) -> tuple[list[str], list[list[str]]]:
     try:
         lines = [line for line in csv.reader(io.StringIO(_text(path), newline="")) if line]
     except csv.Error as error:
-        raise InputError(f"{path} is not a CSV table: {error}") from None
+        raise InputError("format file", f"{path} is not a CSV table: {error}") from None
     if not lines:
-        raise InputError(f"{path} is empty: run the experiment again to write it")
+        raise InputError("empty file", f"{path} is empty: run the experiment again to write it")
     return lines[0], lines[1:]
 
 
@@ -118,26 +127,26 @@ def _cell(text: str, kind: str, where: str) -> str | int | float:
     bare, optional = kind.rstrip("?"), kind.endswith("?")
     if bare == "text":
         if not text and not optional:
-            raise InputError(f"{where} is empty; write a name")
+            raise InputError("empty file", f"{where} is empty; write a name")
         if any(ord(letter) < 32 and letter != "\t" for letter in text):
-            raise InputError(f"{where} holds a control character; remove it")
+            raise InputError("type file", f"{where} holds a control character; remove it")
         return text
     if optional and text.lower() in ("", "nan"):
         return math.nan
     if bare == "flag":
         flags = {"true": 1.0, "false": 0.0, "1": 1.0, "0": 0.0}
         if text.lower() not in flags:
-            raise InputError(f"{where} is {text!r}; write true or false")
+            raise InputError("type file", f"{where} is {text!r}; write true or false")
         return flags[text.lower()]
     try:
         value = int(text) if bare == "int" else float(text)
     except ValueError:
         noun = "a whole number" if bare == "int" else "a number"
-        raise InputError(f"{where} is {text!r}; write {noun}") from None
+        raise InputError("type file", f"{where} is {text!r}; write {noun}") from None
     if not math.isfinite(value):
-        raise InputError(f"{where} is {text!r}; write a finite number")
+        raise InputError("range file", f"{where} is {text!r}; write a finite number")
     if bare == "share" and not 0 <= value <= 1:
-        raise InputError(f"{where} is {text!r}; write a share between 0 and 1")
+        raise InputError("range file", f"{where} is {text!r}; write a share between 0 and 1")
     return value
 
 
@@ -147,6 +156,7 @@ def read_json(path: Path) -> Any:
         return json.loads(_text(path))
     except json.JSONDecodeError as error:
         raise InputError(
+            "format file",
             f"{path}: row {error.lineno}, column {error.colno} is not JSON ({error.msg}); "
-            "run the experiment again to write it"
+            "run the experiment again to write it",
         ) from None

@@ -117,7 +117,8 @@ def _scaled(space: gym.Space[Any]) -> gym.spaces.Box:
     plain = observation_space()
     if space != plain:
         raise InputError(
+            "format only",
             f"only observations of the restaurant can be scaled, and only once: {space} is "
-            f"observed, not {plain}"
+            f"observed, not {plain}",
         )
     return gym.spaces.Box(scale(plain.low), scale(plain.high), dtype=np.float32)

@@ -93,7 +93,9 @@ class ScriptedRobot:
             raise unknown("robot", self.name, NAMES)
         for field, value in (("strength", self.strength), ("sloppiness", self.sloppiness)):
             if not 0.0 <= value <= 1.0:
-                raise InputError(f"{field} of the {self.name} robot is {value}: give 0 to 1")
+                raise InputError(
+                    f"format {field}", f"{field} of the {self.name} robot is {value}: give 0 to 1"
+                )
 
     @property
     def identity(self) -> str | None:

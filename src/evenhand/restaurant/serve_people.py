@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant.simulation import layout, serve
 from evenhand.restaurant.simulation.engine import LANES, Engine
 from evenhand.restaurant.worlds import AnyRobot, World
@@ -76,7 +76,7 @@ def serve_people(
     *,
     recorded: bool = False,
     threads: int = 1,
-) -> serve.Services:
+) -> serve.Trajectories:
     """Serve people of a world.
 
     Args:
@@ -97,13 +97,13 @@ def serve_people(
 
 
 def table(
-    done: serve.Services,
+    done: serve.Trajectories,
     world: World,
     robot: str | Sequence[str],
     *,
     epoch: np.ndarray | int | None = None,
     first: int = 0,
-) -> Interactions:
+) -> Services:
     """Finished services as one row each, which is what all judgement takes.
 
     Args:
@@ -117,7 +117,7 @@ def table(
     none = ~facts.responded
     if epoch is None:
         epoch = np.arange(n) // WINDOW
-    return Interactions.build(
+    return Services.build(
         identities={
             one.name: (done.codes[:, d], one.groups) for d, one in enumerate(world.identities)
         },

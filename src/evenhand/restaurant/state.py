@@ -118,8 +118,9 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
         block = _block(source, lane, origin)
         if block.checksum() != checksums[lane]:
             raise InputError(
+                "changed services",
                 "the services of this state come out differently here: use it with the versions "
-                "of Evenhand and NumPy, and on the kind of computer, that it was saved with"
+                "of Evenhand and NumPy, and on the kind of computer, that it was saved with",
             )
         if truth["next"][lane] > block.beginning.rows.truth["last"][rows[lane]]:
             raise _damaged("next")
@@ -136,11 +137,14 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
 
 def _check(state: Any, settings: dict[str, Any]) -> None:
     if not isinstance(state, dict):
-        raise InputError(f"a state is a dictionary, not {type(state).__name__}: use get_state()")
+        raise InputError(
+            "format state", f"a state is a dictionary, not {type(state).__name__}: use get_state()"
+        )
     if state.get("version") != VERSION:
         raise InputError(
+            "changed state",
             f"the state has version {state.get('version')}, and this Evenhand reads version "
-            f"{VERSION}: use it with the Evenhand that saved it"
+            f"{VERSION}: use it with the Evenhand that saved it",
         )
     theirs = state.get("settings")
     if not isinstance(theirs, dict):
@@ -148,8 +152,9 @@ def _check(state: Any, settings: dict[str, Any]) -> None:
     for name in [*settings, *theirs]:
         if theirs.get(name) != settings.get(name):
             raise InputError(
+                "format state",
                 f"the state is of an environment with {name}={theirs.get(name)!r}, and here it is "
-                f"{settings.get(name)!r}: make the environment with the settings of the state"
+                f"{settings.get(name)!r}: make the environment with the settings of the state",
             )
 
 
@@ -165,8 +170,9 @@ def _plain(generator: np.random.Generator) -> dict[str, Any]:
     state = dict(generator.bit_generator.state)
     if state["bit_generator"] not in _GENERATORS:
         raise InputError(
+            "unsupported np_random",
             f"np_random draws from {state['bit_generator']}, which a state cannot hold: use "
-            f"{' or '.join(_GENERATORS)}"
+            f"{' or '.join(_GENERATORS)}",
         )
     return state
 
@@ -208,4 +214,6 @@ def _array(
 
 
 def _damaged(name: str) -> InputError:
-    return InputError(f"the state is damaged at {name!r}: give what get_state() gave")
+    return InputError(
+        "format state", f"the state is damaged at {name!r}: give what get_state() gave"
+    )

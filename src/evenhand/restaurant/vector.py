@@ -62,7 +62,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 thread or decision.
         """
         if num_envs < 1:
-            raise InputError(f"num_envs is {num_envs}: give at least 1")
+            raise InputError("range num_envs", f"num_envs is {num_envs}: give at least 1")
         self.settings = settings_from(settings)
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -112,8 +112,9 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             ids = np.flatnonzero(_reset_mask(options["reset_mask"], n))
         if not self._begun and len(ids) < n:
             raise InputError(
+                "changed options",
                 "options['reset_mask'] leaves lanes out in which no service has begun yet: "
-                "give no mask to the first reset"
+                "give no mask to the first reset",
             )
         for lane in ids:
             if seeds[lane] is not None:
@@ -138,7 +139,8 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             valid, responds, walks = kernels.sort_out(actions, self._ended)
         if not valid:
             raise InputError(
-                f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)"
+                "format actions",
+                f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)",
             )
         if not self._begun:
             raise RuntimeError("call reset() before step()")
@@ -248,16 +250,22 @@ def _seeds(seed: int | Sequence[int | None] | np.ndarray | None, n: int) -> list
         return [int(seed) + i for i in range(n)]
     each = np.ravel(seed).tolist() if isinstance(seed, np.ndarray) else list(seed)
     if len(each) != n:
-        raise InputError(f"{len(each)} seeds for {n} lanes: give one number or one a lane")
+        raise InputError("shape", f"{len(each)} seeds for {n} lanes: give one number or one a lane")
     for one in each:
         if one is not None and not isinstance(one, Integral):
-            raise InputError(f"seed {one!r} is no whole number: give one number or one a lane")
+            raise InputError(
+                "shape seed", f"seed {one!r} is no whole number: give one number or one a lane"
+            )
     return [None if one is None else int(one) for one in each]
 
 
 def _reset_mask(mask: Any, n: int) -> np.ndarray:
     if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (n,):
-        raise InputError(f"options['reset_mask'] must be a bool array of {n} lanes")
+        raise InputError(
+            "format options", f"options['reset_mask'] must be a bool array of {n} lanes"
+        )
     if not mask.any():
-        raise InputError("options['reset_mask'] names no lane: mark at least one")
+        raise InputError(
+            "unknown options", "options['reset_mask'] names no lane: mark at least one"
+        )
     return mask

@@ -90,7 +90,7 @@ class World:
     dropout: float = SenseSettings.dropout
     shares: Mapping[str, tuple[float, ...]] = field(default_factory=dict, hash=False)
     identities: tuple[Identity, ...] = IDENTITIES
-    facts: Mapping[Fact, Callable[[serve.Services], np.ndarray]] = field(
+    facts: Mapping[Fact, Callable[[serve.Trajectories], np.ndarray]] = field(
         default_factory=dict, hash=False
     )
     issues: tuple[Issue, ...] = PAPER_ISSUES
@@ -101,11 +101,15 @@ class World:
         _ = self.people, self.task, self.sensor, self.need, self.scheme
         tips.check(self.tips)
         if not 0.0 <= self.prejudice <= 1.0:
-            raise InputError(f"prejudice is {self.prejudice}: give a strength from 0 to 1")
+            raise InputError(
+                "range prejudice", f"prejudice is {self.prejudice}: give a strength from 0 to 1"
+            )
         for group, share in self.missed.items():
             self._column(group)
             if not 0.0 <= share < 1.0:
-                raise InputError(f"missed says {share} of {group}: give a share below 1")
+                raise InputError(
+                    "range missed", f"missed says {share} of {group}: give a share below 1"
+                )
 
     @cached_property
     def people(self) -> Population:
@@ -173,7 +177,7 @@ class World:
             raise unknown("group in missed", group, names)
         return names.index(group)
 
-    def told(self, done: serve.Services) -> dict[str, np.ndarray]:
+    def told(self, done: serve.Trajectories) -> dict[str, np.ndarray]:
         """Own facts of finished services, float64 [n] each.
 
         Raises:
@@ -184,18 +188,20 @@ class World:
             values = np.asarray(tell(done), float)
             if values.shape != done.facts.steps.shape:
                 raise InputError(
+                    "shape fact",
                     f"fact {fact.name!r} came as an array of shape {values.shape} for "
-                    f"{len(done.facts.steps)} services: give one number for each"
+                    f"{len(done.facts.steps)} services: give one number for each",
                 )
             if (wrong := fact.wrong(values)).any():
                 row = int(np.flatnonzero(wrong)[0])
                 raise InputError(
-                    f"fact {fact.name!r} is {values[row]:g} in service {row}: give {fact.wanted()}"
+                    "format fact",
+                    f"fact {fact.name!r} is {values[row]:g} in service {row}: give {fact.wanted()}",
                 )
             found[fact.name] = values
         return found
 
-    def indicators(self, done: serve.Services) -> np.ndarray:
+    def indicators(self, done: serve.Trajectories) -> np.ndarray:
         """Which service has which issue, float64 [n, K], NaN where one does not apply."""
         return self.scheme.indicators(_Told(done.facts, self.told(done)))
 
@@ -207,8 +213,9 @@ class World:
         """
         if self.reference is None:
             raise InputError(
+                "missing scenario",
                 f"scenario {self.name!r} has no reference robot: give one to register_scenario, or "
-                "leave out what compares with it"
+                "leave out what compares with it",
             )
         return self.reference
 
@@ -289,11 +296,16 @@ def register_scenario(
     """
     plugins.check_name("scenario", name)
     if not (isinstance(world, World) or callable(world)):
-        raise InputError(f"scenario {name!r}: world is {world!r}: give a World or a function")
+        raise InputError(
+            "format scenario", f"scenario {name!r}: world is {world!r}: give a World or a function"
+        )
     frame = sys._getframe(1)
     place, text = plugins.origin(frame, world, reference)
     if name in _SCENARIOS and _SCENARIOS[name].place != place:
-        raise InputError(f"there is a scenario {name!r} already: register yours by another name")
+        raise InputError(
+            "duplicate scenario",
+            f"there is a scenario {name!r} already: register yours by another name",
+        )
     session = not plugins.reaches_workers(frame.f_globals["__name__"], GROUP)
     _SCENARIOS[name] = _Registered(world, reference, place, text, session)
 
@@ -325,7 +337,8 @@ def _made(name: str) -> World:
         made = entry.world()
         if not isinstance(made, World):
             raise InputError(
-                f"scenario {name!r}: its function gave {type(made).__name__}: return a World"
+                "type scenario",
+                f"scenario {name!r}: its function gave {type(made).__name__}: return a World",
             )
         entry.world = made
     return replace(entry.world, reference=entry.reference or entry.world.reference)
@@ -347,9 +360,14 @@ def scenario(name: str, population: str | None = None) -> World:
         if one not in names():
             raise unknown("scenario", one, names())
     if len(set(parts)) < len(parts):
-        raise InputError(f"scenario {name!r} names one of them twice: drop one")
+        raise InputError(
+            "duplicate scenario", f"scenario {name!r} names one of them twice: drop one"
+        )
     if len(parts) > 1 and "even" in parts:
-        raise InputError(f"scenario {name!r} contradicts itself: even is the lack of all others")
+        raise InputError(
+            "conflict scenario",
+            f"scenario {name!r} contradicts itself: even is the lack of all others",
+        )
     setting: dict[str, Any] = {}
     setter: dict[str, str] = {}
     worlds = {one: _made(one) for one in parts}
@@ -360,8 +378,9 @@ def scenario(name: str, population: str | None = None) -> World:
                 continue
             if each.name in setter:
                 raise InputError(
+                    "conflict scenario",
                     f"scenario {name!r} contradicts itself: {setter[each.name]} and {one} both "
-                    f"set {each.name}; choose one of them"
+                    f"set {each.name}; choose one of them",
                 )
             setter[each.name], setting[each.name] = one, value
     if population is not None:

@@ -36,12 +36,14 @@ def check_counts(counts: Counts, whole: bool = False) -> None:
         x = np.asarray(getattr(counts, f"{side}_x"))
         if not (np.isfinite(n).all() and np.isfinite(x).all()) or (x < 0).any() or (x > n).any():
             raise InputError(
+                "range counts",
                 f"counts {side} the groups are not finite with 0 <= issues <= services: "
-                "count them anew with non-negative weights"
+                "count them anew with non-negative weights",
             )
     if whole and any((np.mod(getattr(counts, f.name), 1) != 0).any() for f in fields(counts)):
         raise InputError(
-            "counts are not whole numbers: an exact test needs services without weights"
+            "missing counts",
+            "counts are not whole numbers: an exact test needs services without weights",
         )
 
 
@@ -52,7 +54,7 @@ def check_level(name: str, value: float) -> None:
         InputError: when it does not.
     """
     if not 0.0 < value < 1.0:
-        raise InputError(f"{name} is {value}: give a number between 0 and 1")
+        raise InputError(f"range {name}", f"{name} is {value}: give a number between 0 and 1")
 
 
 # --- the squared gap without chance -------------------------------------------------------------

@@ -163,8 +163,9 @@ def _stratum(
     np.add.at(services, (j, i), n)
     if services.sum() > MOST_SERVICES:
         raise InputError(
+            "changed",
             f"{services.sum()} services are to be exchanged with one another, and "
-            f"{MOST_SERVICES} is the most: name strata, or audit a part of the log"
+            f"{MOST_SERVICES} is the most: name strata, or audit a part of the log",
         )
     member, seen = inside[kinds].astype(float), x[patterns]
     known = not np.isnan(member).any()
@@ -231,15 +232,22 @@ def _check(
 ) -> None:
     if x.ndim != 2 or inside.ndim != 2 or not n.shape == who.shape == stratum.shape == x.shape[:1]:
         raise InputError(
+            "shape indicators",
             f"indicators {x.shape}, membership {inside.shape}, services {n.shape} and strata "
-            f"{stratum.shape} do not match: give one row to each"
+            f"{stratum.shape} do not match: give one row to each",
         )
     if len(who) and not (who.min() >= 0 and who.max() < len(inside)):
-        raise InputError(f"who names kinds of people outside of the {len(inside)} that are given")
+        raise InputError(
+            "range who", f"who names kinds of people outside of the {len(inside)} that are given"
+        )
     if 0 in x.shape or 0 in inside.shape:
-        raise InputError("the log has no services, no groups or no issues: nothing to test")
+        raise InputError(
+            "empty log", "the log has no services, no groups or no issues: nothing to test"
+        )
     if n.dtype.kind not in "iu" or (n < 0).any() or not n.any():
-        raise InputError("services are not whole numbers of at least 0, or there are none")
+        raise InputError(
+            "range services", "services are not whole numbers of at least 0, or there are none"
+        )
     for name, values in (("indicators", x), ("membership", inside)):
         if not ((values == 0) | (values == 1) | np.isnan(values)).all():
-            raise InputError(f"{name} hold other values than 0, 1 and missing")
+            raise InputError(f"missing {name}", f"{name} hold other values than 0, 1 and missing")

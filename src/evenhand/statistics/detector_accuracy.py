@@ -217,22 +217,26 @@ def _folds(
     from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
     if folds < 2:
-        raise InputError(f"{folds} folds cannot be held out: use at least 2")
+        raise InputError("range", f"{folds} folds cannot be held out: use at least 2")
     fewest = int(min(y.sum(), (~y).sum()))
     if fewest < folds:
         raise InputError(
+            "range rarer",
             f"the rarer answer was given {fewest} times: {folds} folds need it at least "
-            f"{folds} times"
+            f"{folds} times",
         )
     if groups is None:
         parts = StratifiedKFold(folds, shuffle=True, random_state=seed).split(y, y)
     else:
         who = np.asarray(groups)
         if who.shape != y.shape:
-            raise InputError(f"groups have shape {who.shape} for {len(y)} judgements")
+            raise InputError(
+                "shape groups", f"groups have shape {who.shape} for {len(y)} judgements"
+            )
         if len(np.unique(who)) < folds:
             raise InputError(
-                f"{len(np.unique(who))} respondents cannot be dealt into {folds} folds"
+                "unsupported",
+                f"{len(np.unique(who))} respondents cannot be dealt into {folds} folds",
             )
         splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
         parts = splitter.split(y, y, who)
@@ -242,8 +246,9 @@ def _folds(
         if y[rest].all() or not y[rest].any():
             only = "biased" if y[rest].all() else "not biased"
             raise InputError(
+                "unsupported without",
                 f"without the respondents of one of {folds} folds all judgements are {only!r}, so "
                 "accuracy for new people cannot be told: ask more people, until several have "
-                "given each answer"
+                "given each answer",
             )
     return fold

@@ -59,7 +59,8 @@ def fit_prior(cases: np.ndarray, n: np.ndarray) -> tuple[float, float]:
     x, size = _checked(cases, n)
     if (size > 0).sum() < 2:
         raise InputError(
-            "fewer than two combinations have services: there is nothing in common to learn from"
+            "format fewer",
+            "fewer than two combinations have services: there is nothing in common to learn from",
         )
     edge = 0.5 / (size.sum() + 1)
     bounds = [(logit(edge), logit(1 - edge)), tuple(np.log(PRECISION))]
@@ -103,7 +104,7 @@ def shrink(
     x, size = _checked(cases, n)
     a, b = fit_prior(x, size) if prior is None else prior
     if not (np.isfinite(a) and np.isfinite(b) and a > 0 and b > 0):
-        raise InputError(f"prior ({a}, {b}) is not positive and finite")
+        raise InputError("range prior", f"prior ({a}, {b}) is not positive and finite")
     from scipy import stats  # takes long to load
 
     tail = (1 - level) / 2
@@ -121,7 +122,11 @@ def shrink(
 def _checked(cases: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x, size = np.asarray(cases, float), np.asarray(n, float)
     if x.shape != size.shape or not (np.isfinite(x) & np.isfinite(size)).all():
-        raise InputError("cases and services do not match or are not finite: give one pair a cell")
+        raise InputError(
+            "shape cases", "cases and services do not match or are not finite: give one pair a cell"
+        )
     if (x < 0).any() or (x > size).any():
-        raise InputError("a combination has fewer services than issues, or fewer than 0")
+        raise InputError(
+            "format combination", "a combination has fewer services than issues, or fewer than 0"
+        )
     return x, size

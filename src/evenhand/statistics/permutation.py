@@ -88,14 +88,17 @@ def check_rows(x: np.ndarray, inside: np.ndarray) -> None:
     """
     if x.ndim < 2 or inside.ndim != x.ndim or x.shape[:-1] != inside.shape[:-1]:
         raise InputError(
+            "conflict indicators",
             f"indicators {x.shape} and membership {inside.shape} do not match: "
-            "give one row a service to both"
+            "give one row a service to both",
         )
     if 0 in x.shape or 0 in inside.shape:
-        raise InputError("the window has no services, no groups or no issues: nothing to test")
+        raise InputError(
+            "empty window", "the window has no services, no groups or no issues: nothing to test"
+        )
     for name, values in (("indicators", x), ("membership", inside)):
         if not ((values == 0) | (values == 1) | np.isnan(values)).all():
-            raise InputError(f"{name} hold other values than 0, 1 and missing")
+            raise InputError(f"missing {name}", f"{name} hold other values than 0, 1 and missing")
 
 
 def studentised(parts: Sequence[Counts]) -> np.ndarray:
@@ -200,7 +203,10 @@ def permutation_test(
     x, inside = np.asarray(x, float), np.asarray(inside, float)
     check_rows(x, inside)
     if strata is not None and np.shape(strata) != (len(x),):
-        raise InputError(f"strata {np.shape(strata)} do not match {len(x)} services: give one each")
+        raise InputError(
+            "shape strata",
+            f"strata {np.shape(strata)} do not match {len(x)} services: give one each",
+        )
 
     def chunks() -> Iterator[np.ndarray]:
         size = max(1, CELLS // (len(x) * (x.shape[1] + 2)))

@@ -99,14 +99,16 @@ def simulate_windows(
     """
     _check_sizes(windows, size)
     if not len(categories) or min(categories) < 2:
-        raise InputError(f"categories {tuple(categories)}: give each identity at least two")
+        raise InputError(
+            "range categories", f"categories {tuple(categories)}: give each identity at least two"
+        )
     parts = []
     for k in categories:
         parts.append(rng.integers(0, k, (windows, size, 1)) == np.arange(k))
     inside = np.concatenate(parts, axis=2).astype(float)
     rates = rate if extra is None else rate + inside @ extra
     if not (np.min(rates) >= 0 and np.max(rates) <= 1):
-        raise InputError("rates of issues leave [0, 1]: give smaller differences")
+        raise InputError("range rates", "rates of issues leave [0, 1]: give smaller differences")
     x = (rng.random((windows, size, ISSUES)) < rates).astype(float)
     x[..., 1:3][x[..., 0] == 1] = np.nan
     return x, inside
@@ -208,7 +210,9 @@ def power(
     check_level("alpha", alpha)
     groups = sum(categories)
     if not (0 <= cell[0] < groups and 0 <= cell[1] < ISSUES):
-        raise InputError(f"cell {cell} lies outside {groups} groups and {ISSUES} issues")
+        raise InputError(
+            "range cell", f"cell {cell} lies outside {groups} groups and {ISSUES} issues"
+        )
     rows = []
     for size in sizes:
         for difference in differences:

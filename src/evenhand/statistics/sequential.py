@@ -66,10 +66,11 @@ def bet(wealth: Wealth, gap: np.ndarray) -> Wealth:
     gap = np.asarray(gap, float)
     if gap.shape != wealth.bet.shape:
         raise InputError(
-            f"gaps {gap.shape} do not match streams {wealth.bet.shape}: give one gap each"
+            "shape gaps",
+            f"gaps {gap.shape} do not match streams {wealth.bet.shape}: give one gap each",
         )
     if (np.abs(gap) > 1).any():
-        raise InputError("a gap lies outside -1 to 1: give differences of rates")
+        raise InputError("range gap", "a gap lies outside -1 to 1: give differences of rates")
     seen = ~np.isnan(gap)
     g = np.where(seen, gap, 0.0)
     factor = 1.0 - wealth.bet * g
@@ -99,7 +100,7 @@ def watch(gaps: np.ndarray, wealth: Wealth | None = None) -> tuple[np.ndarray, W
     """
     gaps = np.asarray(gaps, float)
     if gaps.ndim == 0:
-        raise InputError("one number is no stream: give gaps in order of time")
+        raise InputError("format one", "one number is no stream: give gaps in order of time")
     now = wealth or start(*gaps.shape[1:])
     path = np.empty(gaps.shape)
     for t, gap in enumerate(gaps):
@@ -120,5 +121,7 @@ def combined(log_wealth: np.ndarray, axis: int | tuple[int, ...] = (-2, -1)) -> 
     axes = (axis,) if isinstance(axis, int) else axis
     streams = int(np.prod([log_wealth.shape[a] for a in axes]))
     if streams == 0:
-        raise InputError("there are no streams to combine: give at least one group and issue")
+        raise InputError(
+            "range there", "there are no streams to combine: give at least one group and issue"
+        )
     return np.asarray(logsumexp(log_wealth, axis=axis) - np.log(streams))

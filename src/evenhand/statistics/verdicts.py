@@ -58,8 +58,9 @@ class VerdictSettings:
             check_level(name, getattr(self, name))
         if self.power <= self.alpha:
             raise InputError(
+                "range power",
                 f"power {self.power} is not above alpha {self.alpha}: "
-                "no window would ever be too small"
+                "no window would ever be too small",
             )
         errors.whole("permutations", self.permutations, 99, 10_000_000)
 

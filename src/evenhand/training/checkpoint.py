@@ -124,7 +124,9 @@ def save(
         _sync_folder(path.parent)
     except OSError as error:
         reason = error.strerror or error
-        raise InputError(f"checkpoint {path} cannot be written: {reason}") from error
+        raise InputError(
+            "unavailable checkpoint", f"checkpoint {path} cannot be written: {reason}"
+        ) from error
     finally:
         # Also after Ctrl-C; after a success there is nothing left to remove.
         with contextlib.suppress(OSError):
@@ -160,8 +162,9 @@ def load(path: str | os.PathLike[str], like: State, expect: Mapping[str, str]) -
     others = [name for name, value in expect.items() if saved.get(name) != value]
     if others:
         raise InputError(
+            "format checkpoint",
             f"checkpoint {path} belongs to other settings ({', '.join(others)}); "
-            "resume with the settings that it was saved with, or start in a new folder"
+            "resume with the settings that it was saved with, or start in a new folder",
         )
     if like.memory is None:
         arrays = {name: a for name, a in arrays.items() if not name.startswith("memory.")}
@@ -169,15 +172,17 @@ def load(path: str | os.PathLike[str], like: State, expect: Mapping[str, str]) -
     if list(wanted) != list(arrays):
         odd = sorted({*wanted} ^ {*arrays})
         raise InputError(
+            "type checkpoint",
             f"checkpoint {path} holds another policy, or the memory of another method "
-            f"({', '.join(odd[:3])}); resume with the settings that it was saved with"
+            f"({', '.join(odd[:3])}); resume with the settings that it was saved with",
         )
     for name, leaf in wanted.items():
         found = arrays[name]
         if found.shape != leaf.shape or found.dtype != leaf.dtype:
             raise InputError(
+                "shape checkpoint",
                 f"checkpoint {path} holds {name} of another shape: it is "
-                f"{found.dtype}{list(found.shape)} there and {leaf.dtype}{list(leaf.shape)} here"
+                f"{found.dtype}{list(found.shape)} there and {leaf.dtype}{list(leaf.shape)} here",
             )
     leaves = [jnp.asarray(a) for name, a in arrays.items() if name.startswith("learner.")]
     learner = jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(like.learner), leaves)
@@ -190,11 +195,15 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
-        raise InputError(f"checkpoint {path} does not exist") from error
+        raise InputError("missing checkpoint", f"checkpoint {path} does not exist") from error
     except OSError as error:
-        raise InputError(f"checkpoint {path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable checkpoint", f"checkpoint {path} cannot be read: {error.strerror or error}"
+        ) from error
     if not content.startswith(b"PK"):
-        raise InputError(f"{path} is not a checkpoint of Evenhand; give the file of a run folder")
+        raise InputError(
+            "format file", f"{path} is not a checkpoint of Evenhand; give the file of a run folder"
+        )
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
@@ -205,7 +214,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     # A damaged archive raises whatever its damaged bytes suggest, so nothing can be singled out.
     except Exception as error:
         raise InputError(
-            f"checkpoint {path} is cut off or damaged; use an earlier one or start anew"
+            "format checkpoint",
+            f"checkpoint {path} is cut off or damaged; use an earlier one or start anew",
         ) from error
     try:
         header = json.loads(arrays.pop(_HEADER).tobytes())
@@ -213,10 +223,13 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     except (KeyError, TypeError, ValueError):
         ours = False
     if not ours:
-        raise InputError(f"{path} is not a checkpoint of Evenhand; give the file of a run folder")
+        raise InputError(
+            "format file", f"{path} is not a checkpoint of Evenhand; give the file of a run folder"
+        )
     if header["version"] != _VERSION:
         raise InputError(
+            "changed checkpoint",
             f"checkpoint {path} has format version {header['version']}, and this Evenhand reads "
-            f"version {_VERSION}; resume with the Evenhand that saved it"
+            f"version {_VERSION}; resume with the Evenhand that saved it",
         )
     return header, arrays

@@ -17,7 +17,7 @@ from evenhand.training.settings import TrainSettings
 
 def epoch_of(
     settings: TrainSettings,
-    done: serve.Services,
+    done: serve.Trajectories,
     detector: Detector | None,
     value: ArrayLike,
     guard: Guard,

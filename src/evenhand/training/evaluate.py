@@ -10,7 +10,7 @@ from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import Counts, Scores, count, membership, score, scores_of
 from evenhand.methods.scheme import Scheme
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.methods.vocabulary import LEAST
 from evenhand.restaurant import floor_plan, robots, serve_people
 from evenhand.restaurant.serve_people import WINDOW
@@ -31,7 +31,7 @@ def serve_policy(
     world: World | None = None,
     *,
     threads: int = 1,
-) -> Interactions:
+) -> Services:
     """Serve people with a trained policy, as it acted in training (by chance, not greedily).
 
     Args:
@@ -61,20 +61,21 @@ def check_world(settings: TrainSettings, world: World) -> None:
     """
     if world.groups != settings.world.groups:
         raise InputError(
+            "format in",
             f"in scenario {world.name!r} people have other identities than in "
             f"{settings.scenario!r}, where the policy was trained: test it in a scenario with the "
-            "same identities"
+            "same identities",
         )
 
 
 def serve_scripted(
     robot: robots.ScriptedRobot, world: World, services: int, seed: int, *, threads: int = 1
-) -> Interactions:
+) -> Services:
     """Serve people with a scripted robot."""
     return _served(world, robot, robot.name, services, seed, threads)
 
 
-def serve_reference(world: World, services: int, seed: int, *, threads: int = 1) -> Interactions:
+def serve_reference(world: World, services: int, seed: int, *, threads: int = 1) -> Services:
     """Serve people with the robot that makes up for a scenario.
 
     Raises:
@@ -85,20 +86,20 @@ def serve_reference(world: World, services: int, seed: int, *, threads: int = 1)
 
 def _served(
     world: World, robot: AnyRobot, name: str, services: int, seed: int, threads: int
-) -> Interactions:
+) -> Services:
     rng = np.random.default_rng(seed)
     done = serve_people.serve_people(world, robot, services, rng, threads=threads)
     return serve_people.table(done, world, name)
 
 
-def perfect(table: Interactions) -> np.ndarray:
+def perfect(table: Services) -> np.ndarray:
     """Services with a response and without any issue, bool [n]."""
     x = issues.indicators(table)
     return (x == 0.0).all(axis=1)
 
 
 def window_counts(
-    table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
+    table: Services, order: np.ndarray | None = None, scheme: Scheme | None = None
 ) -> tuple[Counts, tuple[tuple[str, str], ...], list[str]]:
     """Counts of every full window of 30 services, in order.
 
@@ -128,13 +129,13 @@ def window_counts(
 
 
 def window_scores(
-    table: Interactions, order: np.ndarray | None = None, scheme: Scheme | None = None
+    table: Services, order: np.ndarray | None = None, scheme: Scheme | None = None
 ) -> Scores:
     """Scores of every full window of 30 services, in order; arguments as `window_counts`."""
     return scores_of(*window_counts(table, order, scheme))
 
 
-def summary(table: Interactions, seed: int, scheme: Scheme | None = None) -> dict[str, Any]:
+def summary(table: Services, seed: int, scheme: Scheme | None = None) -> dict[str, Any]:
     """All numbers of a test.
 
     Args:

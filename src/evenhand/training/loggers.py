@@ -55,7 +55,7 @@ def check(names: Sequence[str]) -> None:
         if name not in SINKS:
             raise unknown("sink", name, SINKS)
         if names.count(name) > 1:
-            raise InputError(f"the sink {name} is named twice: name it once")
+            raise InputError("duplicate sink", f"the sink {name} is named twice: name it once")
         extras.require(name, f"the sink {name}")
 
 
@@ -134,7 +134,7 @@ def write(names: Sequence[str], folder: str | os.PathLike[str]) -> int:
     """
     root = Path(folder)
     if not (root / "settings.json").exists():
-        raise InputError(f"{root} holds no run: there is no settings.json in it")
+        raise InputError("missing folder", f"{root} holds no run: there is no settings.json in it")
     with files.locked(root), opened(names, root) as tell:
         tell({})
         return len(epoch_log.read(root))
@@ -247,7 +247,9 @@ class Wandb:
                 ),
             )
         except Error as error:
-            raise InputError(f"Weights & Biases cannot write to {root}: {error}") from error
+            raise InputError(
+                "unavailable", f"Weights & Biases cannot write to {root}: {error}"
+            ) from error
 
     def write(self, epoch: int, numbers: Mapping[str, float]) -> None:
         """Take the numbers of an epoch, by tag."""
@@ -266,7 +268,9 @@ def _said(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be written: {error.strerror or error}"
+        ) from error
 
 
 def _number(path: Path) -> int:

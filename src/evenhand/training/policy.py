@@ -64,14 +64,16 @@ class PolicySettings:
         layers, units = MOST_HIDDEN
         if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
             raise InputError(
-                f"hidden is {self.hidden}; give 1 to {layers} layers, each of 1 to {units:,} units"
+                "format hidden",
+                f"hidden is {self.hidden}; give 1 to {layers} layers, each of 1 to {units:,} units",
             )
         if self.activation not in _ACTIVATIONS:
             raise unknown("activation", self.activation, _ACTIVATIONS)
         if not 0.0 < self.initial_response_rate < 1.0:
             raise InputError(
+                "range initial_response_rate",
                 f"initial_response_rate is {self.initial_response_rate}; "
-                "give a probability above 0 and below 1"
+                "give a probability above 0 and below 1",
             )
 
 
@@ -116,7 +118,10 @@ def register_policy(name: str, make: Make) -> None:
     plugins.check_name("policy", name)
     place, source = plugins.origin(sys._getframe(1), make)
     if name in _POLICIES and _POLICIES[name].place != place:
-        raise InputError(f"there is a policy {name!r} already: register yours by another name")
+        raise InputError(
+            "duplicate policy",
+            f"there is a policy {name!r} already: register yours by another name",
+        )
     _POLICIES[name] = _Registered(make, place, source)
 
 
@@ -144,22 +149,25 @@ def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generato
     odd = [leaf for leaf in jax.tree.leaves(made) if not isinstance(leaf, jax.Array | np.ndarray)]
     if odd:
         raise InputError(
+            "format policy",
             f"policy {settings.kind!r} holds {odd[0]!r} among its weights: keep arrays there, and "
-            "everything else in static fields (equinox.field(static=True))"
+            "everything else in static fields (equinox.field(static=True))",
         )
     seen = jax.ShapeDtypeStruct((1, obs_size), jnp.float32)
     try:
         found = jax.eval_shape(lambda p, x: (p.log_probabilities(x), p.value(x)), made, seen)
     except AttributeError as error:
         raise InputError(
+            "missing policy",
             f"policy {settings.kind!r}: what its function makes lacks log_probabilities or value "
-            f"({error})"
+            f"({error})",
         ) from error
     shapes = [one.shape for one in found]
     if shapes != [(1, 2), (1,)]:
         raise InputError(
+            "shape policy",
             f"policy {settings.kind!r} gives log_probabilities of shape {list(shapes[0])} and "
-            f"value of shape {list(shapes[1])} for one observation: give [1, 2] and [1]"
+            f"value of shape {list(shapes[1])} for one observation: give [1, 2] and [1]",
         )
     return made
 
@@ -257,7 +265,9 @@ def mlp(obs_size: int, settings: PolicySettings, rng: np.random.Generator) -> Ac
     """
     forks.check_jax()
     if obs_size < 1:
-        raise InputError(f"obs_size is {obs_size}; an observation has at least 1 number")
+        raise InputError(
+            "range obs_size", f"obs_size is {obs_size}; an observation has at least 1 number"
+        )
     rate = settings.initial_response_rate
     half_odds = 0.5 * math.log(rate / (1.0 - rate))
     sizes = [obs_size, *settings.hidden]

@@ -43,12 +43,13 @@ def read(folder: str | os.PathLike[str], services: Iterable[int] | None = None) 
     """
     root = Path(folder)
     if not (root / "settings.json").exists():
-        raise InputError(f"{root} holds no run: there is no settings.json in it")
+        raise InputError("missing folder", f"{root} holds no run: there is no settings.json in it")
     found = _files(root)
     if not found:
         raise InputError(
+            "missing folder",
             f"{root} has no states to draw: it was run with --no-states, or has no checkpoint "
-            "yet; train it again in a new folder without --no-states"
+            "yet; train it again in a new folder without --no-states",
         )
     whole = recording.concat([recording.read(path) for path in found])
     if services is None:

@@ -25,7 +25,7 @@ from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file, registry
 from evenhand.methods.paper.detector import Detector
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import worlds
 from evenhand.restaurant.simulation.recording import Recording
 from evenhand.training import checkpoint, epoch_log, policy, recordings, train
@@ -118,7 +118,7 @@ def execute(
         state, rng, first, memory = _resume(root, settings, prints)
         if first and progress is not None:
             progress({"services": first * settings.people, "physics_steps": 0})
-        services: list[Interactions] = []
+        services: list[Services] = []
         seen: list[Recording] = []
         lines: list[str] = []
         for record in train.train(
@@ -131,7 +131,7 @@ def execute(
             recorded=recorded,
             threads=threads,
         ):
-            services.append(record.interactions)
+            services.append(record.services)
             if record.seen is not None:
                 seen.append(record.seen)
             lines.append(_line(record))
@@ -179,7 +179,7 @@ def finish(folder: str | os.PathLike[str], key: str, content: dict[str, Any]) ->
     files.write_json(Path(folder) / "done.json", {"key": key} | content)
 
 
-def read_services(folder: str | os.PathLike[str]) -> Interactions:
+def read_services(folder: str | os.PathLike[str]) -> Services:
     """All services of a run, in order.
 
     Raises:
@@ -187,8 +187,10 @@ def read_services(folder: str | os.PathLike[str]) -> Interactions:
     """
     found = _service_files(Path(folder))
     if not found:
-        raise InputError(f"{folder} holds no services: it is no run folder, or nothing ran yet")
-    return Interactions.concat([Interactions.read_parquet(path) for path in found])
+        raise InputError(
+            "empty folder", f"{folder} holds no services: it is no run folder, or nothing ran yet"
+        )
+    return Services.concat([Services.read_parquet(path) for path in found])
 
 
 def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerState]:
@@ -200,13 +202,14 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerS
     root = Path(folder)
     path = root / "settings.json"
     if not path.exists():
-        raise InputError(f"{root} holds no run: there is no settings.json in it")
+        raise InputError("missing folder", f"{root} holds no run: there is no settings.json in it")
     noted = _noted(path)
     settings = _from_dict(TrainSettings, noted["settings"], path)
     if not (root / "checkpoint.npz").exists():
         raise InputError(
+            "missing folder",
             f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
-            "let the run go on"
+            "let the run go on",
         )
     like = State(train.untrained(settings))
     found = checkpoint.load(root / "checkpoint.npz", like, noted["fingerprints"])
@@ -218,7 +221,9 @@ def _noted(path: Path) -> dict[str, Any]:
     noted = files.read_record(path, "settings", "fingerprints", "versions", "whole")
     prints = noted["fingerprints"]
     if noted["whole"] != checkpoint.fingerprint(noted["settings"]) or not isinstance(prints, dict):
-        raise InputError(f"{path} was changed after the run began: restore it, or begin anew")
+        raise InputError(
+            "changed file", f"{path} was changed after the run began: restore it, or begin anew"
+        )
     return noted
 
 
@@ -235,8 +240,9 @@ def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
     odd = sorted(set(names) ^ set(content))
     if odd:
         raise InputError(
+            "changed file",
             f"{where} is of another version of Evenhand, which differs in {', '.join(odd)}: "
-            "use that version, or begin anew"
+            "use that version, or begin anew",
         )
     values: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
@@ -266,13 +272,16 @@ def _claim(
             differs = f"another {other[0]}"
         if differs:
             raise InputError(
-                f"{root} holds another run ({differs}): give another folder, or delete this one"
+                "changed folder",
+                f"{root} holds another run ({differs}): give another folder, or delete this one",
             )
         if extended:
             lengths = [*noted.get("extended", []), noted["settings"]["epochs"]]
             files.write_json(path, noted | _settings_noted(now) | {"extended": lengths})
     elif any(root.glob("[!.]*")):
-        raise InputError(f"{root} is not empty and holds no run: give another folder")
+        raise InputError(
+            "missing folder", f"{root} is not empty and holds no run: give another folder"
+        )
     else:
         noted = {"fingerprints": prints, "versions": versions(), "seed": settings.seed}
         files.write_json(path, _settings_noted(as_dict(settings)) | noted)
@@ -302,8 +311,9 @@ def _resume(
     kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
     if len(epoch_log.parse(log, kept)) < first:
         raise InputError(
+            "format",
             f"{log} has {len(kept)} lines, but {first} epochs have run: delete {root} and run the "
-            "same command again"
+            "same command again",
         )
     files.write_text(log, b"".join(kept).decode())
     recordings.drop(root, first)
@@ -320,8 +330,9 @@ def _resume(
             there = end
     if there < first:
         raise InputError(
+            "missing",
             f"{services} lacks the services of epoch {there}: delete {root} and run the same "
-            "command again"
+            "command again",
         )
     return state, rng, first, memory
 
@@ -334,8 +345,9 @@ def check_versions(where: Path, then: dict[str, Any]) -> None:
     """
     if differs := other_versions(then, versions()):
         raise InputError(
+            "changed file",
             f"{where} was begun with other versions ({differs}): install those, or begin anew in "
-            "another folder"
+            "another folder",
         )
 
 
@@ -353,13 +365,13 @@ def _epochs_of(path: Path) -> tuple[int, int]:
 def _keep(
     root: Path,
     record: train.EpochRecord,
-    services: list[Interactions],
+    services: list[Services],
     lines: list[str],
     prints: dict[str, str],
 ) -> None:
     """Everything since the last checkpoint, and the checkpoint last of all."""
     epoch = record.epoch + 1
-    Interactions.concat(services).write_parquet(
+    Services.concat(services).write_parquet(
         root / "services" / f"{epoch - len(services):06d}-{epoch:06d}.parquet"
     )
     files.append_text(root / "epochs.jsonl", "".join(f"{line}\n" for line in lines))

@@ -79,7 +79,7 @@ class TrainSettings:
             object.__setattr__(self, "update", annealed)
         whole("people", self.people, 2, 10_000)
         if not 0.0 <= self.threshold < np.inf:
-            raise InputError(f"threshold is {self.threshold}: give 0 or more")
+            raise InputError("range threshold", f"threshold is {self.threshold}: give 0 or more")
 
     @cached_property
     def world(self) -> worlds.World:
@@ -102,8 +102,9 @@ class TrainSettings:
             return (1.0,) * len(issues)
         if len(self.tau) != len(issues):
             raise InputError(
+                "duplicate tau",
                 f"tau is {self.tau}, and scenario {self.scenario!r} has {len(issues)} issues "
-                f"({', '.join(issues)}): leave tau out, and they weigh alike"
+                f"({', '.join(issues)}): leave tau out, and they weigh alike",
             )
         return tuple(rewards.check_tau(self.tau, len(issues)).tolist())
 
@@ -111,13 +112,15 @@ class TrainSettings:
         if self.preset == "paper" and not hasattr(self.method, "alone"):
             name = registry.name_of(self.method)
             raise InputError(
+                "missing preset",
                 f"preset paper rewards Eq. 4/5 and nothing else, and {name} needs a service "
-                "reward: choose score or penalty, or the preset service"
+                "reward: choose score or penalty, or the preset service",
             )
         if self.preset == "paper" and self.world.tips:
             raise InputError(
+                "format preset",
                 "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
-                f"{self.scenario!r}: choose the preset service, or a scenario without tips"
+                f"{self.scenario!r}: choose the preset service, or a scenario without tips",
             )
 
 

@@ -21,7 +21,7 @@ from evenhand.methods.beyond.influence import CreditSettings, influence
 from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import Scores
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan, serve_people
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.simulation.recording import Recording, renumbered
@@ -41,7 +41,7 @@ class EpochRecord:
     Attributes:
         epoch: number, from 0.
         numbers: everything that is counted, by name; None where it is missing.
-        interactions: its services.
+        services: its services.
         state: the learner after the update.
         memory: what the next epoch has to remember beside it.
         rng: state of the generator where the next epoch begins.
@@ -50,7 +50,7 @@ class EpochRecord:
 
     epoch: int
     numbers: dict[str, Any]
-    interactions: Interactions
+    services: Services
     state: LearnerState
     memory: Memory
     rng: Mapping[str, Any]
@@ -221,22 +221,25 @@ def check_detector(detector: Detector | None, settings: TrainSettings) -> None:
     if detector is None:
         if registry.VERDICT in registry.needs_of(settings.method):
             raise InputError(
+                "format method",
                 f"method {registry.name_of(settings.method)} asks a detector, and the one that "
                 "comes with Evenhand does not know the issues or identities of scenario "
                 f"{settings.scenario!r}: fit one, or choose a method that asks none, such as "
-                "levelup"
+                "levelup",
             )
         return
     if not {*detector.issues} <= {*scheme.issue_names}:
         raise InputError(
+            "format detector",
             f"the detector judges {', '.join(detector.issues)}, and training scores "
-            f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues"
+            f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues",
         )
     if not {*detector.identities} & {*scheme.names}:
         raise InputError(
+            "format detector",
             f"the detector was taught with {', '.join(detector.identities) or 'no identity'}, and "
             f"people in scenario {settings.scenario!r} have {', '.join(scheme.names)}: fit a "
-            "detector to judgements of these identities"
+            "detector to judgements of these identities",
         )
 
 

@@ -11,7 +11,7 @@ from evenhand.adapters.page import Examined, findings_of
 from evenhand.audits.judge.results import AuditSettings
 from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.statistics.verdicts import VerdictSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
 
@@ -64,7 +64,7 @@ def test_the_page_holds_everything_and_needs_nothing(tmp_path):
     linked = set(re.findall(r'href="([^"#]+)"', text))
     assert linked
     assert all((where.parent / name).is_file() for name in linked)
-    kept = Interactions.read_parquet(tmp_path / "r" / "services" / "plain_simple.parquet")
+    kept = Services.read_parquet(tmp_path / "r" / "services" / "plain_simple.parquet")
     assert kept == runs["<plain> & simple"].services()
 
 
@@ -96,7 +96,7 @@ def test_services_of_every_run_have_a_file(tmp_path):
         settings=QUICK,
     )  # fmt: skip
     found = {
-        path.stem: len(Interactions.read_parquet(path)) // 4
+        path.stem: len(Services.read_parquet(path)) // 4
         for path in (tmp_path / "services").iterdir()
     }
     assert found == {

@@ -23,7 +23,7 @@ from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
 from evenhand.methods.paper.issues import Thresholds
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.statistics.verdicts import VerdictSettings
 
 QUICK = AuditSettings(VerdictSettings(permutations=200), seed=3)
@@ -66,7 +66,7 @@ def test_every_frame_is_found_like_the_file(found, frame):
 def test_interactions_are_found_like_a_file_of_them(tmp_path):
     rng = np.random.default_rng(0)
     responded = rng.random(400) < 0.8
-    log = Interactions.build(
+    log = Services.build(
         {"race": (rng.integers(0, 3, 400), ["x", "y", "z"])},
         {
             "responded": responded.tolist(),

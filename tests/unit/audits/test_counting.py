@@ -15,7 +15,7 @@ from evenhand.audits.read.mapping import Mapping, limits
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
 from evenhand.methods.paper.issues import indicators
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 
 def count(columns: dict, **roles):
@@ -236,7 +236,7 @@ def test_every_frame_gives_the_same_counts(make):
 def test_interactions_have_the_issues_that_they_have_elsewhere():
     rng = np.random.default_rng(1)
     responded = rng.random(500) < 0.7
-    log = Interactions.build(
+    log = Services.build(
         {"race": (rng.integers(-1, 3, 500), ["a", "b", "c"])},
         {
             "responded": responded,

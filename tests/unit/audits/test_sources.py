@@ -18,7 +18,7 @@ from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.readers import embedded
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 LOG = pa.table({"race": ["a", "b", None], "ok": [True, False, True]})
 MAPPING = Mapping(identities=("race",), responded="ok")
@@ -105,12 +105,12 @@ def test_a_data_frame(frame):
 
 
 def test_interactions():
-    log = Interactions.build(
+    log = Services.build(
         {"race": (np.array([0, 1, -1]), ["a", "b"])}, {"responded": [True, False, True]}
     )
     source = open_source(log)
     assert source.table.columns == ("race", "responded")
-    assert source.description == {"kind": "Interactions", "rows": 3}
+    assert source.description == {"kind": "Services", "rows": 3}
 
 
 def test_names_of_columns_are_harmless(tmp_path):

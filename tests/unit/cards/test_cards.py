@@ -16,7 +16,7 @@ from evenhand.experiments import model_card_numbers
 from evenhand.methods import detector_file
 from evenhand.methods.detector_file import Answers
 from evenhand.methods.paper import detector
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.report.model_cards import detector as judge
 from evenhand.report.model_cards import robot
 from evenhand.report.model_cards.sections import Said
@@ -31,10 +31,10 @@ DISABLED = CODES[:, 3] == 0
 ANSWERED = np.where(DISABLED, RNG.random(N) < 0.6, RNG.random(N) < 0.95)
 
 
-def services(codes: np.ndarray, answered: np.ndarray) -> Interactions:
+def services(codes: np.ndarray, answered: np.ndarray) -> Services:
     """Services that are perfect where there was a response."""
     n = len(codes)
-    return Interactions.build(
+    return Services.build(
         {one.name: (codes[:, i], one.groups) for i, one in enumerate(people.IDENTITIES)},
         {
             "responded": answered,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import robots
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.drawing.renderer import Screen
@@ -19,7 +19,7 @@ SMALL = Style(width=320, height=240)
 
 def facts(responded=True, step=118, distance=1.24, least=None, steps=None):
     """One service."""
-    return Interactions.build(
+    return Services.build(
         {},
         {
             "responded": np.array([responded]),

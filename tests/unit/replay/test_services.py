@@ -7,7 +7,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.replay import services
 from support import replayed
@@ -140,7 +140,7 @@ def test_outcomes_in_words():
 def test_who_is_not_known_is_called_so():
     facts = {"responded": [True], "response_step": [5], "response_distance": [2.0]}
     facts |= {"min_distance": [2.0], "steps": [5], "service": [0]}
-    rows = Interactions.build({"age": (np.array([-1]), ("Child", "Elder"))}, facts)
+    rows = Services.build({"age": (np.array([-1]), ("Child", "Elder"))}, facts)
     service = services.pack(replayed.approach([[3.0, 2.0]]), rows)[0]
     assert (service["who"], service["epoch"]) == (["not known"], None)
 

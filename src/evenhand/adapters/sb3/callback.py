@@ -159,19 +159,23 @@ class EvennessCallback(BaseCallback):
         from evenhand.adapters.page import Examined  # brings Matplotlib
 
         if self._reflect is None:
-            raise InputError("the callback examines no update: leave reflect as it is")
+            raise InputError(
+                "format callback", "the callback examines no update: leave reflect as it is"
+            )
         return Examined(self.reflections, self._reflect)
 
     def _init_callback(self) -> None:
         if not isinstance(self.model, OnPolicyAlgorithm):
             raise InputError(
+                "format",
                 f"{type(self.model).__name__} keeps no rollouts: the callback works with PPO and "
-                "A2C"
+                "A2C",
             )
         if type(self.model.rollout_buffer) not in (RolloutBuffer, DictRolloutBuffer):
             raise InputError(
+                "format",
                 f"{type(self.model).__name__} has a {type(self.model.rollout_buffer).__name__}: "
-                "the callback works with the rollout buffers of PPO and A2C"
+                "the callback works with the rollout buffers of PPO and A2C",
             )
 
     def _on_training_start(self) -> None:
@@ -182,8 +186,9 @@ class EvennessCallback(BaseCallback):
                 self._judging.restore(self._saved)
         elif lanes != self._lanes:
             raise InputError(
+                "missing callback",
                 f"the callback has watched {self._lanes} environments and is given {lanes}: make a "
-                "new callback, or keep the number"
+                "new callback, or keep the number",
             )
         model: Any = self.model
         if self.locals["reset_num_timesteps"] or model._last_obs is not self._left:
@@ -202,8 +207,9 @@ class EvennessCallback(BaseCallback):
     def _on_step(self) -> bool:
         if self._ends is None:
             raise InputError(
+                "type callback",
                 "the callback is told of steps and of no rollout, as inside EveryNTimesteps: give "
-                "it to learn itself, or in a list of callbacks"
+                "it to learn itself, or in a list of callbacks",
             )
         norm = self._norm
         self._total += self.locals["rewards"] if norm is None else norm.get_original_reward()

@@ -25,8 +25,9 @@ def triton_first() -> None:
         return
     if "libLLVM" in _loaded():
         raise InputError(
+            "unsupported pictures",
             "pictures were drawn in this process before PyTorch was loaded, and Mesa and Triton "
-            "cannot meet in that order: import evenhand.adapters.sb3 before anything is rendered"
+            "cannot meet in that order: import evenhand.adapters.sb3 before anything is rendered",
         )
     importlib.import_module("triton")
 

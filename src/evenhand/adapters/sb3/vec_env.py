@@ -60,8 +60,9 @@ class ServiceVecEnv(VecEnv):
         mode = mode_of(env)
         if mode is not AutoresetMode.SAME_STEP:
             raise InputError(
+                "format",
                 f"{env} resets {mode.value}, and Stable-Baselines3 wants the first observation of "
-                "the next episode in the step that ends one: make it with AutoresetMode.SAME_STEP"
+                "the next episode in the step that ends one: make it with AutoresetMode.SAME_STEP",
             )
         self.env = env
         self._statistics = statistics_of(env)
@@ -140,6 +141,7 @@ class ServiceVecEnv(VecEnv):
     def _all(self, what: str, indices: Any) -> None:
         if indices is not None and list(self._get_indices(indices)) != list(range(self.num_envs)):
             raise InputError(
+                f"format {what}",
                 f"{what} for environments {indices}: they are one vector environment, so call it "
-                "for all of them"
+                "for all of them",
             )

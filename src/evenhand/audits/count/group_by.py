@@ -75,8 +75,9 @@ def count(source: Source, columns: dict[str, str], **more: str) -> pa.Table:
     )
     if found.num_rows > MOST_ROWS:
         raise InputError(
+            "format",
             f"{source.name}: identities and strata make more than {MOST_ROWS} combinations: leave "
-            "some out or bin them"
+            "some out or bin them",
         )
     return found
 
@@ -140,7 +141,8 @@ def strata_of(
     joined = _stratum_texts(counted, columns)
     if len(set(joined)) > MOST_STRATA:
         raise InputError(
-            f"{source.name}: there are more than {MOST_STRATA} strata: name columns of fewer values"
+            "range strata",
+            f"{source.name}: more than {MOST_STRATA} strata: name columns of fewer values",
         )
     names = ordered(joined)
     place = {name: i for i, name in enumerate(names)}

@@ -26,7 +26,10 @@ def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> t
     found = []
     if not alone and all(len(one.groups) < 2 for one in tally.identities):
         shown = ", ".join(f"{one.name} ({', '.join(one.groups)})" for one in tally.identities)
-        raise InputError(f"{name}: every identity has one group only, {shown}: nothing to compare")
+        raise InputError(
+            f"empty {name}",
+            f"{name}: every identity has one group only, {shown}: nothing to compare",
+        )
     for one in tally.identities:
         known = [group for group in one.groups if group != UNKNOWN]
         if len(one.groups) < 2:

@@ -120,11 +120,15 @@ class Tally:
 
     def __post_init__(self) -> None:
         if not self.identities:
-            raise InputError("the log names no identity: say which columns tell who was served")
+            raise InputError(
+                "unknown log", "the log names no identity: say which columns tell who was served"
+            )
         if not self.issues:
-            raise InputError("the log tells no issue: say which column tells whether it responded")
+            raise InputError(
+                "format log", "the log tells no issue: say which column tells whether it responded"
+            )
         if not len(self.n):
-            raise InputError("the log has no services: there is nothing to audit")
+            raise InputError("empty log", "the log has no services: there is nothing to audit")
 
     @property
     def services(self) -> int:

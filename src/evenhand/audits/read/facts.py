@@ -311,5 +311,6 @@ def _beyond(value: str) -> str:
 
 def _other(column: str, kind: Kind, wanted: str) -> InputError:
     return InputError(
-        f"column {column!r} holds {kind.name}, expected {wanted}: name another column"
+        f"type {column}",
+        f"column {column!r} holds {kind.name}, expected {wanted}: name another column",
     )

@@ -1,4 +1,4 @@
-"""Finds the roles of columns by their usual names, and by those of Evenhand's own Interactions."""
+"""Finds the roles of columns by their usual names, and by those of Evenhand's own Services."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ UNIT_WORDS = {
 def guess(columns: Iterable[str], given: Mapping | None = None) -> Mapping:
     """Fill the roles that nobody named, by the usual names of columns.
 
-    A table of Evenhand's own Interactions is known by its facts: all its other columns are
+    A table of Evenhand's own Services is known by its facts: all its other columns are
     identities, its times are physics steps, its distances metres.
 
     Args:
@@ -149,7 +149,8 @@ def _one(units: list[tuple[str, str]]) -> str | None:
     if len({unit for _, unit in units}) > 1:
         (a, one), (b, other) = units[0], next(pair for pair in units if pair[1] != units[0][1])
         raise InputError(
-            f"columns {a!r} and {b!r} are in {one} and in {other}: bring them to one unit"
+            "format columns",
+            f"columns {a!r} and {b!r} are in {one} and in {other}: bring them to one unit",
         )
     return units[0][1] if units else None
 

@@ -62,11 +62,13 @@ def read_lines(path: str | os.PathLike[str]) -> Lines:
                     batches.append(_table(rows))
                     rows = []
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
     if rows:
         batches.append(_table(rows))
     if not batches:
-        raise InputError(f"{path} is empty: give a file with at least one line")
+        raise InputError("empty file", f"{path} is empty: give a file with at least one line")
     table = pa.concat_tables(batches, promote_options="default")
     check_names(path, tuple(table.column_names))
     plain = numbers[-1] == len(numbers)
@@ -97,7 +99,7 @@ _DECODER = json.JSONDecoder(
 
 def _object(path: Path, number: int, line: bytes) -> dict[str, str | None]:
     def fail(what: str) -> InputError:
-        return InputError(f"{path}, line {number}: {what}")
+        return InputError("type file", f"{path}, line {number}: {what}")
 
     try:
         value = _DECODER.decode(line.decode())

@@ -88,13 +88,19 @@ class Mapping:
         if self.distance_unit is not None and self.distance_unit not in DISTANCE_UNITS:
             raise unknown("unit of distance", self.distance_unit, DISTANCE_UNITS)
         if not 1 <= self.depth <= DEEPEST:
-            raise InputError(f"depth is {self.depth}: give a whole number from 1 to {DEEPEST}")
+            raise InputError(
+                "range depth", f"depth is {self.depth}: give a whole number from 1 to {DEEPEST}"
+            )
         if self.thresholds.late <= 0:
-            raise InputError("a response that is late after 0 seconds is always late: give more")
+            raise InputError(
+                "format response",
+                "a response that is late after 0 seconds is always late: give more",
+            )
         if self.response_time and (self.asked_at or self.answered_at):
             raise InputError(
+                "duplicate waiting",
                 f"waiting is given twice, by {self.response_time!r} and by "
-                f"{self.asked_at or self.answered_at!r}: name a time or two timestamps"
+                f"{self.asked_at or self.answered_at!r}: name a time or two timestamps",
             )
         for name, edges in self.bins.items():
             check_edges(name, edges)
@@ -107,8 +113,9 @@ class Mapping:
             other = used.setdefault(f"{place} {column}", role)
             if other != role or self.roles().count((role, column)) > 1:
                 raise InputError(
+                    f"duplicate {column}",
                     f"column {column!r} is named twice, as {_words(other)} and as {_words(role)}: "
-                    "name it once"
+                    "name it once",
                 )
 
     def roles(self) -> tuple[tuple[str, str], ...]:
@@ -174,7 +181,9 @@ def limits(
         InputError: for numbers that are not finite, negative, or the wrong way round.
     """
     if not np.isfinite(late) or late < 0:
-        raise InputError(f"late is {late}: give the seconds after which a response is late")
+        raise InputError(
+            "format late", f"late is {late}: give the seconds after which a response is late"
+        )
     return Thresholds(nearest, farthest, float(_exact(late) / STEP), risk)
 
 
@@ -218,6 +227,7 @@ def check_edges(name: str, edges: Iterable[float]) -> None:
         or (np.diff(numbers) <= 0).any()
     ):
         raise InputError(
+            "format bins",
             f"bins of {name!r} must be rising numbers: give them as {name}=18,40,65, in Python as "
-            f"{{{name!r}: (18, 40, 65)}}"
+            f"{{{name!r}: (18, 40, 65)}}",
         )

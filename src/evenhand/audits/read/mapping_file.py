@@ -26,13 +26,17 @@ def from_toml(path: str | os.PathLike[str]) -> Mapping:
         with open(path, "rb") as file:
             text = file.read().decode("utf-8-sig")
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as UTF-8") from error
+        raise InputError("format file", f"{path} is not UTF-8 text: save it as UTF-8") from error
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path} is no TOML: {' '.join(str(error).split())}") from error
+        raise InputError(
+            "format file", f"{path} is no TOML: {' '.join(str(error).split())}"
+        ) from error
     at: list[str] = []
     try:
         values: dict[str, Any] = {}
@@ -45,7 +49,7 @@ def from_toml(path: str | os.PathLike[str]) -> Mapping:
         at.clear()
         return Mapping(**values)
     except InputError as error:
-        raise InputError(f"{path}{_place(text, at)}: {error}") from error
+        raise InputError("type file", f"{path}{_place(text, at)}: {error}") from error
 
 
 def _field(key: str, value: Any, at: list[str]) -> Any:
@@ -53,14 +57,18 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
     if key in ("identities", "measures", "within"):
         if isinstance(value, list) and all(isinstance(name, str) for name in value):
             return tuple(value)
-        raise InputError(f'{key} must be a list of columns, as {key} = ["race", "gender"]')
+        raise InputError(
+            f"format {key}", f'{key} must be a list of columns, as {key} = ["race", "gender"]'
+        )
     if key == "depth":
         if isinstance(value, int) and not isinstance(value, bool):
             return value
-        raise InputError(f"depth must be a whole number from 1 to {DEEPEST}")
+        raise InputError("range depth", f"depth must be a whole number from 1 to {DEEPEST}")
     if key == "bins":
         if not isinstance(value, dict):
-            raise InputError("bins must be a table of edges, as [bins] and age = [18, 40, 65]")
+            raise InputError(
+                "format bins", "bins must be a table of edges, as [bins] and age = [18, 40, 65]"
+            )
         bins = {}
         for name, edges in value.items():
             at[:] = [key, name]
@@ -69,26 +77,32 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
     if key == "thresholds":
         return _limits(value, at)
     if not isinstance(value, str):
-        raise InputError(f'{key} must be text, as {key} = "..."')
+        raise InputError(f"format {key}", f'{key} must be text, as {key} = "..."')
     return value
 
 
 def _edges(name: str, edges: Any) -> tuple[float, ...]:
     if not isinstance(edges, list) or not all(_number(edge) for edge in edges):
-        raise InputError(f"bins of {name!r} must be rising numbers, as {name} = [18, 40, 65]")
+        raise InputError(
+            "format bins", f"bins of {name!r} must be rising numbers, as {name} = [18, 40, 65]"
+        )
     check_edges(name, edges)
     return tuple(float(edge) for edge in edges)
 
 
 def _limits(value: Any, at: list[str]) -> Thresholds:
     if not isinstance(value, dict):
-        raise InputError("thresholds must be a table, as [thresholds] and late = 4.0")
+        raise InputError(
+            "format thresholds", "thresholds must be a table, as [thresholds] and late = 4.0"
+        )
     for name, number in value.items():
         at[:] = ["thresholds", name]
         if name not in ("nearest", "farthest", "late", "risk"):
             raise unknown("threshold", name, ("nearest", "farthest", "late", "risk"))
         if not _number(number):
-            raise InputError(f"threshold {name} must be a number, metres or seconds")
+            raise InputError(
+                "format threshold", f"threshold {name} must be a number, metres or seconds"
+            )
     at[:] = ["thresholds"]
     return limits(**{name: float(number) for name, number in value.items()})
 

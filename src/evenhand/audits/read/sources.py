@@ -24,7 +24,7 @@ from evenhand.audits.read.engines import Table
 from evenhand.audits.read.readers import READERS, Part, damaged, embedded, one_line, registered
 from evenhand.audits.read.strict_csv import check_names
 from evenhand.core.errors import InputError
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 KINDS = {
     ".csv": "CSV",
@@ -76,12 +76,14 @@ class Source:
             return self.table.engine.fetch(query)
         except duckdb.Error as error:
             self.check_unchanged()
-            raise InputError(f"{self.name} cannot be read: {one_line(error)}") from error
+            raise InputError(
+                "unavailable", f"{self.name} cannot be read: {one_line(error)}"
+            ) from error
         except Exception as error:
             if not self._secret and not databases.complains(error):
                 raise
             detail = databases.hide(one_line(error), self._secret)
-            raise InputError(f"{self.name} cannot be read: {detail}") from None
+            raise InputError("unavailable", f"{self.name} cannot be read: {detail}") from None
 
     def close(self) -> None:
         """Leave a database that was opened by its URL; nothing can be fetched afterwards."""
@@ -98,10 +100,13 @@ class Source:
             try:
                 now = path.stat()
             except OSError as error:
-                raise InputError(f"{path} went away while it was read: try again") from error
+                raise InputError(
+                    "format file", f"{path} went away while it was read: try again"
+                ) from error
             if (now.st_size, now.st_mtime_ns) != (size, written):
                 raise InputError(
-                    f"{path} changed while it was read: audit a copy, or wait until it is written"
+                    "changed file",
+                    f"{path} changed while it was read: audit a copy, or wait until it is written",
                 )
 
 
@@ -112,14 +117,14 @@ def open_source(source: object, table: str | None = None) -> Source:
         source: a path of a CSV, TSV, JSON Lines, Parquet, Arrow or DuckDB file; a folder or glob
             of files of one kind; the URL of a database, as postgres://user:password@host/name; a
             data frame of pandas, polars or pyarrow, or anything else that gives an Arrow stream;
-            ``Interactions``.
+            ``Services``.
         table: of a database.
 
     Raises:
         InputError: when it cannot be read, is no table, or is damaged: where, and what to do.
     """
-    if isinstance(source, Interactions):
-        return _from_arrow(source.to_arrow(), "interactions", "Interactions")
+    if isinstance(source, Services):
+        return _from_arrow(source.to_arrow(), "services", "Services")
     if isinstance(source, str | os.PathLike):
         text = os.fspath(source)
         if databases.is_url(text):
@@ -135,16 +140,19 @@ def open_source(source: object, table: str | None = None) -> Source:
         except (pa.ArrowException, TypeError, ValueError) as error:
             if "non-struct type" in str(error):
                 raise InputError(
+                    "format",
                     f"{type(source).__name__} is a single column: give a data frame with a column "
-                    "of identities and one of responses"
+                    "of identities and one of responses",
                 ) from error
             raise InputError(
-                f"the data frame is no plain table: {one_line(error)}: give each column one type"
+                "format data",
+                f"the data frame is no plain table: {one_line(error)}: give each column one type",
             ) from error
         return _from_arrow(frame, "data frame", "data frame")
     raise InputError(
+        "unavailable log",
         f"a log cannot be read from {type(source).__name__}: give a path, a database URL or a data "
-        "frame"
+        "frame",
     )
 
 
@@ -161,13 +169,15 @@ def check_target(source: str, path: Path) -> None:
     if databases.is_url(source) or not path.exists():
         return
     if any(one.exists() and path.samefile(one) for one in _find(source)[0]):
-        raise InputError(f"{path} is the log itself, which is never changed: choose another name")
+        raise InputError(
+            "changed file", f"{path} is the log itself, which is never changed: choose another name"
+        )
 
 
 def _from_arrow(frame: pa.Table, name: str, kind: str) -> Source:
     check_names(name, tuple(frame.column_names))
     if not frame.num_rows:
-        raise InputError(f"the {kind} has no rows: there is nothing to audit")
+        raise InputError("empty the", f"the {kind} has no rows: there is nothing to audit")
     table = registered(embedded(), "log", frame, name)
     return Source(
         table,
@@ -183,7 +193,7 @@ def _from_files(text: str, table: str | None) -> Source:
     if kind == "DuckDB":
         return _from_duckdb(paths, table)
     if table is not None:
-        raise InputError(f"{text} holds one table: leave out the name {table!r}")
+        raise InputError("type", f"{text} holds one table: leave out the name {table!r}")
     stamps = tuple(_stamp(path) for path in paths)
     size = sum(size for _, size, _ in stamps)
     described = len(paths) == 1 and size <= HASHED
@@ -196,8 +206,9 @@ def _from_files(text: str, table: str | None) -> Source:
         for name in sorted(names ^ set(part.table.columns)):
             lacking, other = (part, parts[0]) if name in names else (parts[0], part)
             raise InputError(
+                "missing",
                 f"{lacking.name} has no column {name!r}, which {other.name} has: give files of the "
-                "same columns"
+                "same columns",
             )
     description: dict[str, Any] = {"kind": kind, "files": len(paths), "rows": rows, "bytes": size}
     if described:
@@ -213,8 +224,9 @@ def _together(parts: Sequence[Part]) -> Table:
         for name, kind in first.kinds.items():
             if part.table.kinds[name] != kind:
                 raise InputError(
+                    "format",
                     f"{part.name}: column {name!r} holds {part.table.kinds[name].name}, in "
-                    f"{parts[0].name} {kind.name}: give files of the same types"
+                    f"{parts[0].name} {kind.name}: give files of the same types",
                 )
     every = {name: first[name] for name in first.columns}
     union = " union all ".join(part.table.query(every) for part in parts)
@@ -227,7 +239,7 @@ def _find(text: str) -> tuple[list[Path], str]:
     if path.is_dir():
         found = [one for one in sorted(path.rglob("*")) if one.is_file() and _shown(one, path)]
         if not found:
-            raise InputError(f"folder {text} has no files: give one with a log")
+            raise InputError("missing folder", f"folder {text} has no files: give one with a log")
     elif path.exists():
         found = [path]
     elif glob.has_magic(text):
@@ -235,20 +247,25 @@ def _find(text: str) -> tuple[list[Path], str]:
             Path(one) for one in sorted(glob.glob(text, recursive=True)) if Path(one).is_file()
         ]
         if not found:
-            raise InputError(f"no file is like {text}: check the pattern")
+            raise InputError("type file", f"no file is like {text}: check the pattern")
     else:
-        raise InputError(f"{text} does not exist: give a file, a folder or the URL of a database")
+        raise InputError(
+            "missing", f"{text} does not exist: give a file, a folder or the URL of a database"
+        )
     kinds: dict[str, Path] = {}
     for one in found:
         kind = KINDS.get(one.suffix.lower())
         if kind is None:
-            raise InputError(f"{one} is of no known kind: give a file that ends in {_listed()}")
+            raise InputError(
+                "unknown", f"{one} is of no known kind: give a file that ends in {_listed()}"
+            )
         kinds.setdefault(kind, one)
     if len(kinds) > 1:
         (a, one), (b, other) = list(kinds.items())[:2]
         raise InputError(
+            "type",
             f"{text} holds files of several kinds, as {a} ({one.name}) and {b} ({other.name}): "
-            "give a pattern such as logs/*.csv"
+            "give a pattern such as logs/*.csv",
         )
     return found, next(iter(kinds))
 
@@ -267,7 +284,9 @@ def _stamp(path: Path) -> tuple[Path, int, int]:
     try:
         found = path.stat()
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
     return path, found.st_size, found.st_mtime_ns
 
 
@@ -276,12 +295,14 @@ def _digest(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
 
 
 def _from_duckdb(paths: list[Path], table: str | None) -> Source:
     if len(paths) > 1:
-        raise InputError("a log is one DuckDB file: name the file")
+        raise InputError("format log", "a log is one DuckDB file: name the file")
     stamp = _stamp(paths[0])
     try:
         engine = embedded(str(paths[0]), read_only=True)

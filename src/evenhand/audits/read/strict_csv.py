@@ -83,7 +83,7 @@ class _Scan:
     )
 
     def fail(self, row: int, what: str) -> InputError:
-        return InputError(f"{self.path}, row {row}: {what}")
+        return InputError("format file", f"{self.path}, row {row}: {what}")
 
 
 def check_delimited(path: str | os.PathLike[str]) -> Delimited:
@@ -109,7 +109,9 @@ def check_delimited(path: str | os.PathLike[str]) -> Delimited:
                 _look(scan, piece[start:])
                 piece = file.read(PIECE)
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{path} cannot be read: {error.strerror or error}"
+        ) from error
     _end(scan)
     return Delimited(path, names, mark, scan.rows - 1, size, digest.hexdigest())
 
@@ -122,13 +124,17 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
     """
     for name, n in Counter(names).items():
         if n > 1:
-            raise InputError(f"{path}: column {name!r} stands there {n} times: rename or drop one")
+            raise InputError(
+                f"conflict {name}",
+                f"{path}: column {name!r} stands there {n} times: rename or drop one",
+            )
     seen: dict[str, str] = {}
     for name in names:
         other = seen.setdefault(name.lower(), name)
         if other != name:
             raise InputError(
-                f"{path}: only capitals tell the columns {other!r} and {name!r} apart: rename one"
+                "format file",
+                f"{path}: only capitals tell the columns {other!r} and {name!r} apart: rename one",
             )
 
 
@@ -141,9 +147,11 @@ def between(path: Path, header: str) -> tuple[str, str]:
 def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
     """The header as bytes, the names of its columns, and what parts its cells."""
     if not piece.strip():
-        raise InputError(f"{path} is empty: give a file with a header and at least one row")
+        raise InputError(
+            "empty file", f"{path} is empty: give a file with a header and at least one row"
+        )
     if piece[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in piece[:4]:
-        raise InputError(f"{path} is UTF-16 or no text: save it as CSV in UTF-8")
+        raise InputError("format file", f"{path} is UTF-16 or no text: save it as CSV in UTF-8")
     line = piece.removeprefix(_BOM)
     end, quoted = 0, False
     while end < len(line) and (quoted or line[end] != _LF):
@@ -153,12 +161,13 @@ def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
     try:
         text = line.decode()
         if "\r" in text:
-            raise InputError(f"{path}, row 1: {_ALONE}")
+            raise InputError("format file", f"{path}, row 1: {_ALONE}")
         mark, outside = between(path, text)
         if mark not in outside:
             raise InputError(
+                "format file",
                 f"{path}, row 1: the header has one column only: part the columns by commas, and "
-                "give a column of identities and one of responses"
+                "give a column of identities and one of responses",
             )
         (names,) = csv.reader([text], delimiter=mark, strict=True)
     except UnicodeDecodeError as error:
@@ -166,17 +175,23 @@ def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
     except (csv.Error, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}, row 1: the header cannot be read: {error}") from error
+        raise InputError(
+            "unavailable file", f"{path}, row 1: the header cannot be read: {error}"
+        ) from error
     named = tuple(name.strip() or f"column {i}" for i, name in enumerate(names, 1))
     # an engine that skips the header may take its lines for rows
     if b"\n" in line or b"\r" in line:
-        raise InputError(f"{path}, row 1: the header has a line break in it: rename the column")
+        raise InputError(
+            "format file", f"{path}, row 1: the header has a line break in it: rename the column"
+        )
     check_names(path, named)
     return line, named, mark
 
 
 def _not_utf8(path: Path, row: int, byte: int) -> InputError:
-    return InputError(f"{path}, row {row}: byte 0x{byte:02x} is no UTF-8: save the file as UTF-8")
+    return InputError(
+        "format file", f"{path}, row {row}: byte 0x{byte:02x} is no UTF-8: save the file as UTF-8"
+    )
 
 
 def _look(scan: _Scan, piece: bytes) -> None:
@@ -336,4 +351,6 @@ def _end(scan: _Scan) -> None:
     elif scan.blank:
         scan.rows = scan.blank - 1
     if scan.rows < 2:
-        raise InputError(f"{scan.path} has a header and no rows: there is nothing to audit")
+        raise InputError(
+            "empty", f"{scan.path} has a header and no rows: there is nothing to audit"
+        )

@@ -121,15 +121,18 @@ def take(state: Watching, batches: Tally) -> Watching:
     """
     if batches.issues != state.issues:
         raise InputError(
+            "format log",
             f"the log told {', '.join(state.issues)} before and tells "
-            f"{', '.join(batches.issues)} now: begin a new watch"
+            f"{', '.join(batches.issues)} now: begin a new watch",
         )
     names, inside = batches.names(), batches.inside()
     for place in np.argsort([int(name) for name in batches.strata]):
         rows = np.flatnonzero(batches.stratum == place)
         n = batches.n[rows]
         if n.sum() != state.settings.batch:
-            raise InputError(f"a batch has {n.sum()} services in place of {state.settings.batch}")
+            raise InputError(
+                "format batch", f"a batch has {n.sum()} services in place of {state.settings.batch}"
+            )
         # whoever is seen in this batch for the first time, in an order that no later batch changes
         state = _with_groups(
             state, sorted(names[g] for g in np.flatnonzero(inside[rows].any(axis=0)))

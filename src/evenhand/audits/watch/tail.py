@@ -67,13 +67,16 @@ class TextTail:
                 size = os.fstat(file.fileno()).st_size
                 if size < self.read:
                     raise InputError(
+                        "format file",
                         f"{self.path} became shorter while it was watched: it was cut off or "
-                        "replaced, so begin a new watch"
+                        "replaced, so begin a new watch",
                     )
                 file.seek(self.read)
                 new = file.read(size - self.read)
         except OSError as error:
-            raise InputError(f"{self.path} cannot be read: {error.strerror or error}") from error
+            raise InputError(
+                "unavailable file", f"{self.path} cannot be read: {error.strerror or error}"
+            ) from error
         self.read += len(new)
         self.rest += new
         if self._quoted and not self.head:
@@ -82,15 +85,16 @@ class TextTail:
             try:
                 found, self.rest = records(self.rest, self.mark, self.rows + 1)
             except InputError as error:
-                raise InputError(f"{self.path}, {error}") from None
+                raise InputError("format file", f"{self.path}, {error}") from None
             self._take_in(found)
         if len(self.rest) > LONGEST:
             raise InputError(
+                "format file",
                 f"{self.path}, behind byte {self.read - len(self.rest)}: a record is longer than "
-                f"{LONGEST} bytes: was a quote never closed?"
+                f"{LONGEST} bytes: was a quote never closed?",
             )
         if self.once and self.mark and self.rest.count(b'"') % 2:
-            raise InputError(f"{self.path}, row {self.rows + 1}: {OPEN}")
+            raise InputError("format file", f"{self.path}, row {self.rows + 1}: {OPEN}")
         if self.once and (self.head or not self._quoted):
             self._take_in([self.rest])
             self.rest = b""
@@ -138,7 +142,7 @@ def records(content: bytes, mark: bytes = b"", row: int = 1) -> tuple[list[bytes
                 content[place + 1 : place + 2] if inside else content[max(first, place - 1) : place]
             )
             if beside not in (b"", mark, b'"', *((b"\n", b"\r") if inside else ())):
-                raise InputError(f"row {row + len(found)}: {WITHIN}")
+                raise InputError("format row", f"row {row + len(found)}: {WITHIN}")
             inside = not inside
         elif not inside:
             found.append(content[first : at.end()])
@@ -181,7 +185,9 @@ class Follower:
         table = self.source.table
         there = int(self.source.fetch(table.query({"n": "count(*)"}))["n"][0].as_py())
         if there < self.seen:
-            raise InputError(f"{self.source.name} lost rows while it was watched: begin anew")
+            raise InputError(
+                "changed", f"{self.source.name} lost rows while it was watched: begin anew"
+            )
         full = min((there - self.seen) // self.batch, MOST) * self.batch
         self.left = there - self.seen - full
         if not full:
@@ -201,13 +207,15 @@ class Follower:
         told = self.source.fetch(rows.query(asked)).to_pylist()[0]
         if told["n"] < n:
             raise InputError(
+                "missing",
                 f"{self.source.name}: column {order!r} is missing or the same in several rows: "
-                "order by one that tells all rows apart"
+                "order by one that tells all rows apart",
             )
         if self.last is not None and not told["low"] > self.last:
             raise InputError(
+                "duplicate",
                 f"{self.source.name}: a row came late, before {order!r} {self.last}, which was "
-                "watched already: order by a column that only grows, and begin anew"
+                "watched already: order by a column that only grows, and begin anew",
             )
         self.last = told["high"]
 
@@ -222,7 +230,7 @@ class Follower:
                 return self._counted(open_source(part), full)
         except InputError as error:
             raise InputError(
-                f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
+                "format", f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
             ) from None
 
     def _counted(self, log: Source, services: int) -> Tally:
@@ -286,7 +294,8 @@ def _table(log: Source, order: str | None, batch: int, mapping: Mapping) -> Foll
     if "url" in log.description or log.description["kind"] == "DuckDB":
         if order is None:
             raise InputError(
-                f"{log.name} has no order of its own: name the column of time with --order-by"
+                "missing",
+                f"{log.name} has no order of its own: name the column of time with --order-by",
             )
         if order not in log.table.columns:
             raise unknown(f"column of {log.name}", order, log.table.columns)
@@ -295,7 +304,9 @@ def _table(log: Source, order: str | None, batch: int, mapping: Mapping) -> Foll
 
 def _plain(mapping: Mapping) -> Mapping:
     if mapping.within:
-        raise InputError("a watch compares within each batch already: leave out --within")
+        raise InputError(
+            "duplicate watch", "a watch compares within each batch already: leave out --within"
+        )
     return mapping
 
 
@@ -308,4 +319,4 @@ def _apart(path: Path, content: bytes) -> Iterator[Path]:
         try:
             yield part
         except InputError as error:
-            raise InputError(str(error).replace(str(part), str(path))) from None
+            raise InputError("format", str(error).replace(str(part), str(path))) from None

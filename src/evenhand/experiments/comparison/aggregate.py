@@ -53,7 +53,10 @@ def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
     ordered = np.sort(np.moveaxis(np.asarray(values, float), axis, -1), axis=-1)
     n = ordered.shape[-1]
     if n == 0 or not np.isfinite(ordered).all():
-        raise InputError("an interquartile mean needs finite values: leave out what is missing")
+        raise InputError(
+            "missing interquartile",
+            "an interquartile mean needs finite values: leave out what is missing",
+        )
     place = np.arange(n)
     inside = np.minimum(place + 1, 0.75 * n) - np.maximum(place, 0.25 * n)
     return ordered @ (np.maximum(inside, 0.0) / (0.5 * n))
@@ -87,7 +90,7 @@ def bootstrap(
     """
     whole("resamples", resamples, 1, 10_000_000)
     if not 0.0 < level < 1.0:
-        raise InputError(f"level is {level}: give a number between 0 and 1")
+        raise InputError("range level", f"level is {level}: give a number between 0 and 1")
     known = [np.asarray(values, float) for values in strata if len(values)]
     n = sum(map(len, known))
     if not n:
@@ -188,7 +191,10 @@ def hypervolume(points: np.ndarray, worst: tuple[float, float]) -> float:
     """
     points = np.asarray(points, float)
     if len(points) and (points.shape[1:] != (2,) or not np.isfinite(points).all()):
-        raise InputError("a hypervolume needs pairs of finite numbers: leave out what is missing")
+        raise InputError(
+            "missing hypervolume",
+            "a hypervolume needs pairs of finite numbers: leave out what is missing",
+        )
     area, reached = 0.0, worst[1]
     # from the most even on, each point adds the strip of service above what was reached before
     for evenness, service in sorted(points.tolist(), reverse=True):

@@ -50,27 +50,37 @@ def load(
             one, an arm, a scenario or the detector was another then, or a run lacks a number.
     """
     if not table.is_file():
-        raise InputError(f"{table} is no file: give results.csv of an earlier comparison")
+        raise InputError(
+            "format file", f"{table} is no file: give results.csv of an earlier comparison"
+        )
     noted = _manifest(manifest_of(table))
     then = {name: noted["settings"].get(name) for name in ("epochs", "services")}
     now = {"epochs": epochs, "services": services}
     differs = files.differences(then, now)
     if differs:
-        raise InputError(f"{table} is of another comparison ({differs}): give the same numbers")
+        raise InputError(
+            "changed file", f"{table} is of another comparison ({differs}): give the same numbers"
+        )
     results: dict[Cell, dict[str, float | None]] = {}
     called: dict[str, str] = {}
     for number, row in enumerate(_rows(table), start=2):
         cell, metric, value = _parsed(row, f"{table}, line {number}")
         called[cell.arm] = row["arm"]
         if metric in results.setdefault(cell, {}):
-            raise InputError(f"{table}, line {number}: {metric} of {cell} stands there twice")
+            raise InputError(
+                "duplicate file", f"{table}, line {number}: {metric} of {cell} stands there twice"
+            )
         results[cell][metric] = value
     if not results:
-        raise InputError(f"{table} holds no runs: leave it out, or give another table")
+        raise InputError(
+            "missing file", f"{table} holds no runs: leave it out, or give another table"
+        )
     for cell, numbers in results.items():
         lacking = [name for name in METRICS if name not in numbers]
         if lacking:
-            raise InputError(f"{table} lacks {', '.join(lacking)} of {cell}: it is cut off")
+            raise InputError(
+                "missing file", f"{table} lacks {', '.join(lacking)} of {cell}: it is cut off"
+            )
     for arm, name in called.items():
         if noted["fingerprints"].get(name) != prints(arm):
             raise _other(table, f"{arm} had other settings")
@@ -87,8 +97,9 @@ def load(
 
 def _other(table: Path, what: str) -> InputError:
     return InputError(
+        "changed file",
         f"{table}: {what} in that comparison than it has now: leave its rows out, or use the "
-        "version that made them"
+        "version that made them",
     )
 
 
@@ -97,13 +108,15 @@ def _manifest(path: Path) -> dict[str, Any]:
     needed = ("settings", "fingerprints", *NOTED)
     if not isinstance(noted, dict) or not noted.keys() >= {*needed}:
         raise InputError(
+            "format file",
             f"{path} is no manifest of a comparison: give results.csv of a folder of `evenhand "
-            "compare`, with its manifest beside it"
+            "compare`, with its manifest beside it",
         )
     for name in ("settings", "fingerprints", "worlds"):
         if not isinstance(noted.get(name, {}), dict):
             raise InputError(
-                f"{path}: {name} is {noted[name]!r}, and has to be a record: restore the file"
+                "format file",
+                f"{path}: {name} is {noted[name]!r}, and has to be a record: restore the file",
             )
     return noted
 
@@ -132,18 +145,20 @@ def _rows(table: Path) -> Iterable[dict[str, str]]:
         with table.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
             if tuple(reader.fieldnames or ()) != RESULTS:
-                raise InputError(f"{table} is no table of a comparison: its columns are not "
-                                 f"{', '.join(RESULTS)}")  # fmt: skip
+                raise InputError(
+                    "format file",
+                    f"{table} is no comparison: its columns are not {', '.join(RESULTS)}",
+                )
             return list(reader)
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{table} cannot be read: {error}") from error
+        raise InputError("unavailable file", f"{table} cannot be read: {error}") from error
 
 
 def _parsed(row: dict[str, str], where: str) -> tuple[Cell, str, float | None]:
     if None in row or None in row.values():
-        raise InputError(f"{where}: give {len(RESULTS)} columns")
+        raise InputError("format file", f"{where}: give {len(RESULTS)} columns")
     if row["metric"] not in METRICS:
-        raise InputError(f"{where}: unknown metric {row['metric']!r}")
+        raise InputError("unknown file", f"{where}: unknown metric {row['metric']!r}")
     try:
         seed = int(row["seed"])
         value = float(row["value"]) if row["value"] else None
@@ -151,10 +166,10 @@ def _parsed(row: dict[str, str], where: str) -> tuple[Cell, str, float | None]:
             raise ValueError
     except ValueError:
         raise InputError(
-            f"{where}: seed {row['seed']!r} or value {row['value']!r} is no number"
+            "format file", f"{where}: seed {row['seed']!r} or value {row['value']!r} is no number"
         ) from None
     try:
         cell = checked(Cell(row["scenario"], row["algorithm"], row["arm"], seed))
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError("format file", f"{where}: {error}") from None
     return cell, row["metric"], value

@@ -157,15 +157,22 @@ def read(folder: Path) -> Comparison:
         InputError: a file is missing or malformed; the sentence names file, row and column.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder: give the folder of a comparison")
+        raise InputError(
+            "missing folder", f"{folder} is not a folder: give the folder of a comparison"
+        )
     path = folder / "manifest.json"
     manifest = files.read_record(path, *_MANIFEST)
     for field, kind in _MANIFEST.items():
         if not isinstance(manifest[field], kind):
-            raise InputError(f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type")
+            raise InputError(
+                f"format {field}",
+                f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type",
+            )
     for field in _NUMBERS:
         if not isinstance(manifest["settings"].get(field), int):
-            raise InputError(f"{path}: settings need a whole number of {field}; run it again")
+            raise InputError(
+                "range file", f"{path}: settings need a whole number of {field}; run it again"
+            )
     tables = {
         name: read_table(folder / f"{name}.csv", schema, _KEYS[name])
         for name, schema in SCHEMAS.items()

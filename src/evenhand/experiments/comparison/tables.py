@@ -12,7 +12,7 @@ from evenhand.experiments.comparison.aggregate import Estimate
 from evenhand.experiments.comparison.settings import NO_ALGORITHM, Cell, method_of, place
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import count, membership
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.statistics import chance
 from evenhand.training import evaluate
 
@@ -47,7 +47,7 @@ Values = dict[tuple[str, str, str, str], dict[int, float]]
 """(scenario, algorithm, arm, metric) -> seed -> value; what is missing is left out."""
 
 
-def numbers(table: Interactions) -> dict[str, float | None]:
+def numbers(table: Services) -> dict[str, float | None]:
     """The metrics of a test, but for the epochs of its training.
 
     Args:

@@ -52,8 +52,9 @@ class Dataset:
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.name):
             raise InputError(
+                "changed dataset",
                 f"a dataset cannot be called {self.name!r}: give letters, digits, - and _, and a "
-                "version at the end, as restaurant-ppo-v0"
+                "version at the end, as restaurant-ppo-v0",
             )
 
 
@@ -86,7 +87,8 @@ def write(
     target = root / dataset.name
     if target.exists():
         raise InputError(
-            f"{target} is there already: give the dataset another version, or delete that one"
+            "duplicate file",
+            f"{target} is there already: give the dataset another version, or delete that one",
         )
     aside = root / f".{dataset.name}.{os.getpid()}.part"
     try:
@@ -181,4 +183,6 @@ def _as_input_error(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{target} cannot be written: {error.strerror or error}"
+        ) from error

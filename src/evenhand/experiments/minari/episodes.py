@@ -56,9 +56,10 @@ def trained(state: LearnerState, settings: TrainSettings, population: str | None
     world = settings.elsewhere(None, population)
     if world.missed or world.shares or world.groups != people.GROUPS:
         raise InputError(
+            "format people",
             f"people of scenario {settings.scenario!r} are its own, and a dataset is made by the "
             "Gymnasium environment, which knows the paper's five identities only: choose a run in "
-            "another scenario"
+            "another scenario",
         )
     guidance = registry.name_of(settings.method)
     step = int(state.step)

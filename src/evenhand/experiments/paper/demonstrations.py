@@ -13,7 +13,7 @@ import numpy as np
 
 from evenhand.core.processes import Task, Tell
 from evenhand.methods.paper import detector
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.methods.vocabulary import IDENTITIES, SIMULATED
 from evenhand.restaurant import robots, serve_people, worlds
 from evenhand.restaurant.serve_people import WINDOW
@@ -44,7 +44,7 @@ class Demos:
         strength: of the robot's bias in each window, 0 for even robots, [W].
     """
 
-    table: Interactions
+    table: Services
     robot: np.ndarray
     strength: np.ndarray
 
@@ -117,9 +117,9 @@ def serve_windows(
 
 def load(windows: int, seed: int, folder: Path) -> Demos:
     """Read the windows that the tasks wrote."""
-    parts = [Interactions.read_parquet(path) for path in sorted(folder.glob("*.parquet"))]
+    parts = [Services.read_parquet(path) for path in sorted(folder.glob("*.parquet"))]
     robot, strength, _ = design(windows, seed)
-    return Demos(Interactions.concat(parts), robot, strength)
+    return Demos(Services.concat(parts), robot, strength)
 
 
 @dataclass(frozen=True)

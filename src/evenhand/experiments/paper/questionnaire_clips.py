@@ -143,8 +143,9 @@ def choose(served: Mapping[str, Footage], scenes: Sequence[Scene] = SCENES) -> l
         pairs = _pairs(one, served[one.robot], served["even"], visible)
         if len(pairs) < TRIPLES:
             raise InputError(
+                "missing scenario",
                 f"scenario {one.number} needs {TRIPLES} services that show {one.issue}, and "
-                f"{len(pairs)} do: give another --seed"
+                f"{len(pairs)} do: give another --seed",
             )
         for number, (worse, other) in enumerate(pairs):
             services = zip(ROLES, (worse, other, worse), strict=True)

@@ -190,14 +190,16 @@ def _counted(table: Table, given: Any) -> list[int]:
 
 def _whole(name: str, value: Any, span: tuple[int, int]) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{name} is {value!r}: give a whole number from {span[0]} to {span[1]}")
+        raise InputError(
+            f"range {name}", f"{name} is {value!r}: give a whole number from {span[0]} to {span[1]}"
+        )
     whole(name, value, *span)
     return value
 
 
 def _text(kind: str, value: Any) -> str:
     if not isinstance(value, str):
-        raise InputError(f'{kind} is {value!r}: give a name, in quotes "..."')
+        raise InputError(f"format {kind}", f'{kind} is {value!r}: give a name, in quotes "..."')
     return value
 
 
@@ -239,18 +241,22 @@ def _setting(key: str, value: Any) -> Value:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if isinstance(default, bool):
         if not isinstance(value, bool):
-            raise InputError(f"{key} is {value!r}: give true or false, without quotes")
+            raise InputError(
+                f"format {key}", f"{key} is {value!r}: give true or false, without quotes"
+            )
     elif isinstance(default, int):
         if not number or not isinstance(value, int):
-            raise InputError(f"{key} is {value!r}: give a whole number")
+            raise InputError(f"range {key}", f"{key} is {value!r}: give a whole number")
     elif isinstance(default, str):
         _text(key, value)
     elif isinstance(default, tuple):
         if not isinstance(value, list) or not all(type(one) is int for one in value):
-            raise InputError(f"{key} is {value!r}: give a list of whole numbers, as [64, 64]")
+            raise InputError(
+                f"type {key}", f"{key} is {value!r}: give a list of whole numbers, as [64, 64]"
+            )
         value = tuple(value)
     elif not number:
-        raise InputError(f"{key} is {value!r}: give a number")
+        raise InputError(f"type {key}", f"{key} is {value!r}: give a number")
     else:
         value = float(value)
     replace(kind(), **{key: value})

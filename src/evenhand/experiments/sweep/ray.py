@@ -65,7 +65,7 @@ def connected(address: str) -> Iterator[RayCluster]:
         logging.getLogger("ray").setLevel(logging.CRITICAL)  # we say what was lost
     except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
         ray.shutdown()
-        raise InputError(f"{_unusable(address)} ({_first(error)}): {_REMEDY}") from error
+        raise InputError("format", f"{_unusable(address)} ({_first(error)}): {_REMEDY}") from error
     try:
         versions = run_folder.versions()
         _check_machines(versions)
@@ -92,13 +92,17 @@ def _knock(address: str) -> None:
     """Is anybody there at all? Ray itself would try for a minute."""
     match = re.fullmatch(r"(\[[0-9a-fA-F:]+\]|[^\s:/]+):(\d{1,5})", address)
     if match is None or not 0 < int(match.group(2)) < 65536:
-        raise InputError(f"--ray is {address!r}: give HOST:PORT of the head of a Ray cluster")
+        raise InputError(
+            "format ray", f"--ray is {address!r}: give HOST:PORT of the head of a Ray cluster"
+        )
     try:
         place = (match.group(1).strip("[]"), int(match.group(2)))
         socket.create_connection(place, timeout=PATIENCE).close()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise InputError(f"nothing answers at {address} ({reason}): {_REMEDY}") from error
+        raise InputError(
+            "format nothing", f"nothing answers at {address} ({reason}): {_REMEDY}"
+        ) from error
 
 
 def _check_answer(address: str) -> None:
@@ -110,7 +114,7 @@ def _check_answer(address: str) -> None:
     except subprocess.TimeoutExpired:
         said = "it does not answer as Ray does"
     if said:
-        raise InputError(f"{_unusable(address)} ({said[:200].rstrip('.')}): {_REMEDY}")
+        raise InputError("format", f"{_unusable(address)} ({said[:200].rstrip('.')}): {_REMEDY}")
 
 
 def _check_machines(versions: dict[str, str]) -> None:
@@ -133,14 +137,16 @@ def _check_machines(versions: dict[str, str]) -> None:
         except RayError as error:
             last = str(error).strip().rpartition("\n")[2]
             raise InputError(
+                "unavailable machine",
                 f"machine {place} of the cluster cannot run Evenhand ({last}): there, "
-                f"{extras.install('ray')} {versions['evenhand']}"
+                f"{extras.install('ray')} {versions['evenhand']}",
             ) from error
         differs = files.differences(theirs, versions)
         if differs:
             raise InputError(
+                "changed machine",
                 f"machine {place} of the cluster has other versions ({differs}): results would "
-                "not be the same, so install these"
+                "not be the same, so install these",
             )
 
 

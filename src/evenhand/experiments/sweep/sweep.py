@@ -69,7 +69,7 @@ def sweep(
     began = perf_counter()
     workers = (cluster.cores if cluster else CORES) if workers is None else workers
     if workers < 1:
-        raise InputError(f"workers is {workers}: give at least 1")
+        raise InputError("range workers", f"workers is {workers}: give at least 1")
     files.make_folder(out)
     with files.locked(out):
         provenance.claim(out, _NOTE, {"experiment": "sweep"})

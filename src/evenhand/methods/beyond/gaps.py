@@ -43,7 +43,10 @@ class GapMethod:
         whole("windows", self.windows, 1, 1_000)
         for name in ("strength", "shrink"):
             if not 0.0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}: give a finite number from 0 up")
+                raise InputError(
+                    f"range {name}",
+                    f"{name} is {getattr(self, name)}: give a finite number from 0 up",
+                )
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -99,7 +102,8 @@ def checked_tau(x: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.ndarray:
     weights = np.asarray(tau, float)
     if weights.shape != np.shape(x)[-1:] or not np.isfinite(weights).all() or (weights < 0).any():
         raise InputError(
-            f"tau is {tau}: give {np.shape(x)[-1]} finite numbers of at least 0, one an issue"
+            "shape tau",
+            f"tau is {tau}: give {np.shape(x)[-1]} finite numbers of at least 0, one an issue",
         )
     return weights
 
@@ -114,16 +118,20 @@ def checked_counts(
     """
     if x.ndim != 2 or inside.ndim != 2 or len(x) != len(inside):
         raise InputError(
-            f"issues {x.shape} and membership {inside.shape} do not fit: give one row a service"
+            "conflict issues",
+            f"issues {x.shape} and membership {inside.shape} do not fit: give one row a service",
         )
     now = count(x, inside)
     if counts is None:
         return now, now
     if counts.inside_n.shape != now.inside_n.shape:
         raise InputError(
+            "shape pooled",
             f"pooled counts are {counts.inside_n.shape} and the epoch has {now.inside_n.shape} "
-            "groups and issues: pool counts of the same groups and issues"
+            "groups and issues: pool counts of the same groups and issues",
         )
     if (counts.inside_n < now.inside_n).any() or (counts.outside_n < now.outside_n).any():
-        raise InputError("pooled counts hold fewer services than the epoch: pool it as well")
+        raise InputError(
+            "format pooled", "pooled counts hold fewer services than the epoch: pool it as well"
+        )
     return counts, now

@@ -46,12 +46,15 @@ class ReflectionSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.rate < 1.0:
-            raise InputError(f"rate is {self.rate}: give a chance above 0 and below 1")
+            raise InputError(
+                "range rate", f"rate is {self.rate}: give a chance above 0 and below 1"
+            )
         whole("history", self.history, 1, 100_000)
         least = math.ceil(1.0 / self.rate - _ROUNDING) - 1
         if self.history < least:
             raise InputError(
-                f"history is {self.history}: with a rate of {self.rate} give at least {least}"
+                "range history",
+                f"history is {self.history}: with a rate of {self.rate} give at least {least}",
             )
 
 

@@ -92,13 +92,17 @@ class Detector:
     def __post_init__(self) -> None:
         n_issues, n_kept = len(self.issues), len(self.components)
         if n_issues == 0:
-            raise InputError("field 'issues' is empty: name at least one issue")
+            raise InputError("empty issues", "field 'issues' is empty: name at least one issue")
         for field, names in (("issues", self.issues), ("kinds", self.kinds)):
             if len(set(names)) != len(names) or "" in names:
-                raise InputError(f"field {field!r} holds a name twice or an empty one: {names}")
+                raise InputError(
+                    f"duplicate {field}",
+                    f"field {field!r} holds a name twice or an empty one: {names}",
+                )
         if not 1 <= n_kept <= n_issues:
             raise InputError(
-                f"field 'components' has {n_kept} rows: between 1 and {n_issues} are possible"
+                "range components",
+                f"field 'components' has {n_kept} rows: between 1 and {n_issues} are possible",
             )
         _check("mean", self.mean, n_issues)
         _check("scale", self.scale, n_issues)
@@ -108,8 +112,9 @@ class Detector:
         _check("kind_bias", self.kind_bias, len(self.kinds))
         if len(self.kind_weights) != len(self.kinds):
             raise InputError(
+                "format kind_weights",
                 f"field 'kind_weights' has {len(self.kind_weights)} rows for "
-                f"{len(self.kinds)} kinds: give one row a kind"
+                f"{len(self.kinds)} kinds: give one row a kind",
             )
         for field, rows, length in (
             ("components", self.components, n_issues),
@@ -118,17 +123,23 @@ class Detector:
             for i, row in enumerate(rows):
                 _check(f"{field}[{i}]", row, length)
         if min(self.scale) < SMALLEST_SCALE:
-            raise InputError("field 'scale' holds a number that is not positive")
+            raise InputError("range scale", "field 'scale' holds a number that is not positive")
         if not 0 < self.threshold < 1:
-            raise InputError(f"field 'threshold' is {self.threshold}: it must lie between 0 and 1")
+            raise InputError(
+                "range threshold",
+                f"field 'threshold' is {self.threshold}: it must lie between 0 and 1",
+            )
         kept = np.array(self.components)
         if np.abs(kept @ kept.T - np.eye(n_kept)).max() > 1e-6:
             raise InputError(
+                "shape components",
                 "field 'components' does not hold rows of length 1 at right angles, "
-                "as a PCA gives them: a number is wrong"
+                "as a PCA gives them: a number is wrong",
             )
         if self.rows < 1:
-            raise InputError(f"field 'rows' is {self.rows}: a detector is fitted to judgements")
+            raise InputError(
+                "format rows", f"field 'rows' is {self.rows}: a detector is fitted to judgements"
+            )
         if self.source not in SOURCES:
             raise unknown("source of judgements", self.source, SOURCES)
 
@@ -224,12 +235,16 @@ class Detector:
         if isinstance(by_identity, Mapping):
             vectors = [checked_scores(v, self.issues) for v in by_identity.values()]
             if len({v.shape for v in vectors}) > 1:
-                raise InputError("the identities of a window have scores of different shapes")
+                raise InputError(
+                    "shape identities", "the identities of a window have scores of different shapes"
+                )
             scores = np.stack(vectors, axis=-2) if vectors else np.empty((0, len(self.issues)))
         else:
             scores = checked_scores(by_identity, self.issues)
         if scores.ndim < 2 or scores.shape[-2] == 0:
-            raise InputError("a window needs the issue scores of at least one identity")
+            raise InputError(
+                "missing window", "a window needs the issue scores of at least one identity"
+            )
         probability = self.probability(scores)
         biased = np.asarray((probability > self.threshold).any(axis=-1))
         highest = np.where(np.isnan(probability), -1.0, probability).argmax(axis=-1)
@@ -281,16 +296,19 @@ def fit(
 
     scores, y, names = checked_judgements(issue_scores, biased, kinds, tuple(issues))
     if np.ptp(scores, axis=0).max() == 0:
-        raise InputError("all judged windows have the same issue scores: nothing can be learned")
+        raise InputError(
+            "format all", "all judged windows have the same issue scores: nothing can be learned"
+        )
     for issue, spread in zip(issues, scores.std(axis=0), strict=True):
         if 0 < spread < SMALLEST_SCALE:
             raise InputError(
+                "format scores",
                 f"the scores of {issue!r} hardly differ in the judged windows (standard deviation "
-                f"{spread:.0e}): round them, or leave the issue out"
+                f"{spread:.0e}): round them, or leave the issue out",
             )
     n_kept = min(COMPONENTS, scores.shape[1])
     if len(scores) < n_kept:
-        raise InputError(f"{len(scores)} judgements are too few: give at least {n_kept}")
+        raise InputError("range", f"{len(scores)} judgements are too few: give at least {n_kept}")
     scaler = StandardScaler().fit(scores)
     pca = PCA(n_kept, svd_solver="full").fit(scaler.transform(scores))
     projected = pca.transform(scaler.transform(scores))
@@ -324,9 +342,14 @@ def fit(
 
 def _check(field: str, numbers: tuple[float, ...], length: int) -> None:
     if len(numbers) != length:
-        raise InputError(f"field {field!r} has {len(numbers)} numbers where {length} are needed")
+        raise InputError(
+            f"shape {field}",
+            f"field {field!r} has {len(numbers)} numbers where {length} are needed",
+        )
     if not all(abs(number) <= LARGEST for number in numbers):
-        raise InputError(f"field {field!r} holds a number that is not finite or far too large")
+        raise InputError(
+            f"range {field}", f"field {field!r} holds a number that is not finite or far too large"
+        )
 
 
 def _numbers(row: ArrayLike) -> tuple[float, ...]:

@@ -35,12 +35,13 @@ class Thresholds:
         numbers = (self.nearest, self.farthest, self.late, self.risk)
         if not all(np.isfinite(numbers)) or min(numbers) < 0 or self.nearest > self.farthest:
             raise InputError(
-                f"thresholds {numbers} are not finite numbers with 0 <= nearest <= farthest"
+                "range thresholds",
+                f"thresholds {numbers} are not finite numbers with 0 <= nearest <= farthest",
             )
 
 
 class Facts(Protocol):
-    """Columns of facts; Interactions are such."""
+    """Columns of facts; Services are such."""
 
     def fact(self, name: str) -> np.ndarray:
         """A fact as numbers, float64 [n] with NaN for what is missing."""
@@ -116,7 +117,8 @@ def indicators(facts: Facts, issues: Sequence[Issue] = PAPER_ISSUES) -> np.ndarr
         for fact in issue.needs:
             if fact not in facts:
                 raise InputError(
+                    "missing issue",
                     f"issue {issue.name!r} needs the fact {fact!r}, which this table lacks: "
-                    "add the column or leave the issue out"
+                    "add the column or leave the issue out",
                 )
     return np.stack([issue.rule(facts) for issue in issues], axis=1)

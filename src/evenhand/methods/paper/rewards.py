@@ -37,9 +37,11 @@ def check_tau(tau: Sequence[float] | np.ndarray, issues: int = 4) -> np.ndarray:
     weights = np.asarray(tau, float)
     if weights.shape != (issues,) or not np.isfinite(weights).all() or (weights < 0).any():
         many = "four" if issues == 4 else issues
-        raise InputError(f"tau is {tuple(tau)}: give {many} finite numbers of at least 0")
+        raise InputError(
+            "range tau", f"tau is {tuple(tau)}: give {many} finite numbers of at least 0"
+        )
     if not weights.any():
-        raise InputError("tau is 0 for every issue: give at least one issue a weight")
+        raise InputError("range tau", "tau is 0 for every issue: give at least one issue a weight")
     return weights
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper.issues import PAPER_ISSUES, Issue, indicators
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 
 
 @dataclass(frozen=True)
@@ -45,17 +45,19 @@ class Membership:
         return tuple(dict.fromkeys(name for name, _ in self.groups))
 
 
-def membership(interactions: Interactions) -> Membership:
+def membership(table: Services) -> Membership:
     """Groups of every identity: one column a category."""
     columns, groups = [], []
-    for name in interactions.identities:
-        codes, categories = interactions.identity(name)
+    for name in table.identities:
+        codes, categories = table.identity(name)
         belongs = (codes[:, None] == np.arange(len(categories))).astype(float)
         belongs[codes < 0] = np.nan
         columns.append(belongs)
         groups += [(name, category) for category in categories]
     if not columns:
-        raise InputError("there are no identities: a disparity needs groups to compare")
+        raise InputError(
+            "missing there", "there are no identities: a disparity needs groups to compare"
+        )
     return Membership(np.concatenate(columns, axis=1), tuple(groups))
 
 
@@ -208,18 +210,18 @@ def averaged(
     )
 
 
-def score(interactions: Interactions, issues: Sequence[Issue] = PAPER_ISSUES) -> Scores:
+def score(table: Services, issues: Sequence[Issue] = PAPER_ISSUES) -> Scores:
     """Scores of one window of services.
 
     Args:
-        interactions: the services of the window.
+        table: the services of the window.
         issues: the issues to look at; the paper's four by default.
 
     Raises:
         InputError: when a fact is absent or there are no identities.
     """
-    who = membership(interactions)
-    x = indicators(interactions, issues)
+    who = membership(table)
+    x = indicators(table, issues)
     return scores_of(count(x, who.inside), who.groups, [issue.name for issue in issues])
 
 

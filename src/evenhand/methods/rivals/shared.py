@@ -32,7 +32,9 @@ def within(name: str, value: float, least: float, most: float = MOST) -> None:
         InputError: when it is not within its limits.
     """
     if not least <= value <= most:
-        raise InputError(f"{name} is {value}: give a number from {least:g} to {most:g}")
+        raise InputError(
+            f"range {name}", f"{name} is {value}: give a number from {least:g} to {most:g}"
+        )
 
 
 @dataclass(frozen=True)

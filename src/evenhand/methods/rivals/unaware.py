@@ -28,8 +28,9 @@ def unaware(observation: np.ndarray, groups: int) -> np.ndarray:
     seen = np.array(observation)
     if not 0 <= groups <= seen.shape[-1]:
         raise InputError(
+            "shape observation",
             f"an observation of {seen.shape[-1]} numbers has no {groups} columns of identities: "
-            "give the number of groups that it begins with"
+            "give the number of groups that it begins with",
         )
     seen[..., :groups] = 0
     return seen

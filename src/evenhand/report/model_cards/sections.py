@@ -44,11 +44,12 @@ class Said:
 
     def __post_init__(self) -> None:
         if not markdown.plain(self.name):
-            raise InputError("the name of the card is empty: give the model a name")
+            raise InputError("empty name", "the name of the card is empty: give the model a name")
         if self.licence is not None and not _LICENCE.fullmatch(self.licence):
             raise InputError(
+                "format licence",
                 f"licence is {self.licence!r}: give its identifier as Hugging Face spells it, such "
-                "as apache-2.0"
+                "as apache-2.0",
             )
 
 

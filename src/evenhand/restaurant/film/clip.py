@@ -10,7 +10,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError, unknown
 from evenhand.methods.paper import issues
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.drawing import dressing
 from evenhand.restaurant.drawing.renderer import Screen
@@ -32,7 +32,7 @@ class Footage:
     """
 
     seen: Recording
-    facts: Interactions
+    facts: Services
 
     def __len__(self) -> int:
         return len(self.seen)
@@ -81,8 +81,9 @@ class Style:
         ):
             if not least <= size <= most or size % 2:
                 raise InputError(
+                    f"range {name}",
                     f"{name} of the picture is {size}: give an even number of pixels from {least} "
-                    f"to {most}"
+                    f"to {most}",
                 )
 
     def screen(self) -> Screen:
@@ -189,19 +190,19 @@ def shoot(
     return Shot(*encoder.write(path, told()))
 
 
-def issues_of(facts: Interactions, row: int) -> list[str]:
+def issues_of(facts: Services, row: int) -> list[str]:
     """Names of the issues that a service has."""
     found = issues.indicators(facts.take(np.array([row])))[0]
     return [one.name for one, has in zip(issues.PAPER_ISSUES, found, strict=True) if has == 1.0]
 
 
-def response(facts: Interactions, row: int) -> list[str]:
+def response(facts: Services, row: int) -> list[str]:
     """Whether the robot responded, in words that judge nothing."""
     responded = facts.fact("responded")[row] == 1.0
     return ["The robot responds." if responded else "The robot does not respond."]
 
 
-def outcome(facts: Interactions, row: int) -> list[str]:
+def outcome(facts: Services, row: int) -> list[str]:
     """How a service ended, and its issues, in two lines."""
     if facts.fact("responded")[row] == 1.0:
         seconds = facts.fact("response_step")[row] * floor_plan.TIMESTEP

@@ -36,7 +36,9 @@ def ffmpeg() -> str:
     try:
         return imageio_ffmpeg.get_ffmpeg_exe()
     except RuntimeError as error:
-        raise InputError(f"a clip needs ffmpeg: {extras.install('film')}") from error
+        raise InputError(
+            "missing clip", f"a clip needs ffmpeg: {extras.install('film')}"
+        ) from error
 
 
 def write(
@@ -66,7 +68,9 @@ def write(
         os.replace(aside, target)
         return found
     except OSError as error:
-        raise InputError(f"{target} cannot be written: {error.strerror or error}") from error
+        raise InputError(
+            "unavailable file", f"{target} cannot be written: {error.strerror or error}"
+        ) from error
     finally:
         aside.unlink(missing_ok=True)
 
@@ -103,7 +107,7 @@ def _encode(
                 pipe.close()
         if code:
             said.seek(0)
-            raise InputError(_reason(target, code, said.read().decode(errors="replace")))
+            raise InputError("format", _reason(target, code, said.read().decode(errors="replace")))
     return count, digest.hexdigest()
 
 
@@ -135,8 +139,9 @@ def _start(
         )
     except OSError as error:
         raise InputError(
+            "unavailable ffmpeg",
             f"ffmpeg cannot be started ({program}: {error.strerror or error}): leave "
-            f"IMAGEIO_FFMPEG_EXE unset and {extras.install('film')}"
+            f"IMAGEIO_FFMPEG_EXE unset and {extras.install('film')}",
         ) from error
 
 

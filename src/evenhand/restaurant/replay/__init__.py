@@ -1,6 +1,6 @@
 """Replay: recorded services as one page that needs nothing else.
 
-recording + interactions → payload (looks, services) → template + built script → one HTML file.
+recording + table → payload (looks, services) → template + built script → one HTML file.
 The page draws the same shapes as MuJoCo does: they are read from the dressed model.
 """
 

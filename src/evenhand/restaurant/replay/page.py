@@ -13,7 +13,7 @@ from evenhand import __version__
 from evenhand.core import files, templates
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.replay import looks, services
 from evenhand.restaurant.simulation.recording import Recording
@@ -27,7 +27,7 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 def write(
     recording: Recording,
-    interactions: Interactions,
+    table: Services,
     path: str | os.PathLike[str],
     *,
     title: str = TITLE,
@@ -40,7 +40,7 @@ def write(
 
     Args:
         recording: 1 to 300 services, in the order in which they are listed.
-        interactions: the table that holds their rows, and may hold others.
+        table: the table that holds their rows, and may hold others.
         path: of the HTML file.
         title: of the page; plain text.
         note: stands under the title, for instance how the services were chosen; plain text.
@@ -54,10 +54,11 @@ def write(
     """
     if not 1 <= len(recording) <= services.MOST:
         raise InputError(
-            f"{len(recording)} services are to be replayed: name 1 to {services.MOST} of them"
+            "format",
+            f"{len(recording)} services are to be replayed: name 1 to {services.MOST} of them",
         )
     script = read_script()
-    page = render(payload(recording, interactions), script, title, note)
+    page = render(payload(recording, table), script, title, note)
     target = Path(path)
     files.write_text(target, page)
     return target
@@ -73,19 +74,20 @@ def read_script() -> str:
         return SCRIPT.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(
+            "missing this",
             "this copy of Evenhand lacks the script of its replay page "
             "(restaurant/replay/static/replay.js): run `python frontend/build.py` in the checkout, "
-            "or `make`, or install a released wheel"
+            "or `make`, or install a released wheel",
         ) from None
 
 
-def payload(recording: Recording, interactions: Interactions) -> dict[str, Any]:
+def payload(recording: Recording, table: Services) -> dict[str, Any]:
     """Everything that the script is told, as JSON holds it.
 
     Raises:
         InputError: when a service has no row.
     """
-    rows = interactions.take(services.rows_of(recording, interactions))
+    rows = table.take(services.rows_of(recording, table))
     guests = looks.figures(recording)
     limits = issues.Thresholds()
     packed = services.pack(recording, rows)

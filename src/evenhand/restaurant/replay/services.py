@@ -13,7 +13,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
-from evenhand.methods.services import Interactions
+from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.replay import looks
 from evenhand.restaurant.simulation.recording import Recording
@@ -34,30 +34,31 @@ ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
 """Names of the four issues, in the order of all columns here."""
 
 
-def choose(interactions: Interactions, epoch: int | None = None) -> list[int]:
+def choose(table: Services, epoch: int | None = None) -> list[int]:
     """Numbers of 30 services that are worth a look, in order.
 
     Args:
-        interactions: services to choose from.
+        table: services to choose from.
         epoch: the first 30 services of this epoch. By default, the latest services of all: five
             with each issue, as far as there are such, and as many others as there is room for.
 
     Raises:
         InputError: when there is no such epoch, or no service at all.
     """
-    if not len(interactions):
-        raise InputError("there is no service to replay")
-    number = interactions.fact("service").astype(np.int64)
+    if not len(table):
+        raise InputError("missing service", "there is no service to replay")
+    number = table.fact("service").astype(np.int64)
     if epoch is not None:
-        epochs = interactions.fact("epoch")
+        epochs = table.fact("epoch")
         rows = np.flatnonzero(epochs == epoch)
         if not len(rows):
             raise InputError(
+                "missing epoch",
                 f"there is no epoch {epoch}: the run has epochs {np.nanmin(epochs):.0f} to "
-                f"{np.nanmax(epochs):.0f}"
+                f"{np.nanmax(epochs):.0f}",
             )
         return number[rows[:SHOWN]].tolist()
-    met = issues.indicators(interactions) == 1.0
+    met = issues.indicators(table) == 1.0
     wanted = np.zeros(len(number), bool)
     for k in range(met.shape[1]):
         wanted[np.flatnonzero(met[:, k])[-EACH:]] = True
@@ -67,18 +68,19 @@ def choose(interactions: Interactions, epoch: int | None = None) -> list[int]:
     return sorted(number[wanted].tolist())
 
 
-def rows_of(recording: Recording, interactions: Interactions) -> np.ndarray:
-    """Which row of the interactions belongs to each recorded service, int64 [N].
+def rows_of(recording: Recording, table: Services) -> np.ndarray:
+    """Which row of the table belongs to each recorded service, int64 [N].
 
     Raises:
         InputError: when a service has no row.
     """
-    at = {int(number): row for row, number in enumerate(interactions.fact("service"))}
+    at = {int(number): row for row, number in enumerate(table.fact("service"))}
     missing = [int(number) for number in recording.number if int(number) not in at]
     if missing:
         raise InputError(
+            "missing service",
             f"service {missing[0]} was recorded, but is not in the table of services: give the "
-            "table of the same run"
+            "table of the same run",
         )
     return np.array([at[int(number)] for number in recording.number], np.int64)
 
@@ -121,16 +123,16 @@ def _risk_time(distance: np.ndarray, limit: float) -> float:
     return k - 1 + float((before - limit) / (before - after))
 
 
-def pack(recording: Recording, interactions: Interactions) -> list[dict[str, Any]]:
+def pack(recording: Recording, table: Services) -> list[dict[str, Any]]:
     """What the page needs of every service, but for how guests look.
 
     Args:
         recording: N services.
-        interactions: their rows, in the same order.
+        table: their rows, in the same order.
     """
-    indicators = issues.indicators(interactions)
+    indicators = issues.indicators(table)
     times = issue_times(recording, indicators, issues.Thresholds())
-    who = [_names(interactions, name) for name in interactions.identities]
+    who = [_names(table, name) for name in table.identities]
     out = []
     for row in range(len(recording)):
         n = int(recording.frames[row])
@@ -142,7 +144,7 @@ def pack(recording: Recording, interactions: Interactions) -> list[dict[str, Any
         out.append(
             {
                 "number": int(recording.number[row]),
-                "epoch": _whole(interactions, "epoch", row),
+                "epoch": _whole(table, "epoch", row),
                 "who": [names[row] for names in who],
                 "position": coded(recording.position[row]),
                 "facing": coded(facing),
@@ -152,7 +154,7 @@ def pack(recording: Recording, interactions: Interactions) -> list[dict[str, Any
                 "beside": _coded_views(beside),
                 "issues": [None if np.isnan(x) else int(x) for x in indicators[row]],
                 "times": [None if np.isnan(t) else round(float(t), 4) for t in times[row]],
-                "outcome": outcome(interactions, row, indicators[row]),
+                "outcome": outcome(table, row, indicators[row]),
             }
         )
     return out
@@ -170,13 +172,13 @@ def _coded_views(views: np.ndarray) -> str:
     return base64.b64encode(np.rint(steps).astype("<i2").tobytes()).decode()
 
 
-def outcome(interactions: Interactions, row: int, indicators: np.ndarray) -> str:
+def outcome(table: Services, row: int, indicators: np.ndarray) -> str:
     """How a service ended, as sentences."""
     step, distance, steps, least = (
-        float(interactions.fact(name)[row])
+        float(table.fact(name)[row])
         for name in ("response_step", "response_distance", "steps", "min_distance")
     )
-    if interactions.fact("responded")[row] == 1.0:
+    if table.fact("responded")[row] == 1.0:
         at = f" at {distance:.2f} m" if np.isfinite(distance) else ""
         after = f" after {step * floor_plan.TIMESTEP:.1f} s" if np.isfinite(step) else ""
         said = f"Response{at}{after}."
@@ -196,14 +198,14 @@ def outcome(interactions: Interactions, row: int, indicators: np.ndarray) -> str
     return f"{said} {'Issue' if len(met) == 1 else 'Issues'}: {', '.join(met)}."
 
 
-def _names(interactions: Interactions, identity: str) -> Sequence[str]:
+def _names(table: Services, identity: str) -> Sequence[str]:
     """The category of every person; "not known" where it is missing."""
-    codes, categories = interactions.identity(identity)
+    codes, categories = table.identity(identity)
     return ["not known" if code < 0 else categories[code] for code in codes]
 
 
-def _whole(interactions: Interactions, fact: str, row: int) -> int | None:
-    if fact not in interactions:
+def _whole(table: Services, fact: str, row: int) -> int | None:
+    if fact not in table:
         return None
-    value = interactions.fact(fact)[row]
+    value = table.fact(fact)[row]
     return None if np.isnan(value) else int(value)

@@ -42,7 +42,9 @@ class NeedSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.strength <= 1.0:
-            raise InputError(f"strength of needs is {self.strength}: give 0 to 1")
+            raise InputError(
+                "missing strength", f"strength of needs is {self.strength}: give 0 to 1"
+            )
 
 
 @dataclass(frozen=True)

@@ -50,11 +50,15 @@ class SenseSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.noise <= 1.0:
-            raise InputError(f"noise is {self.noise}: give metres between 0 and 1")
+            raise InputError("range noise", f"noise is {self.noise}: give metres between 0 and 1")
         if not 0.0 <= self.dropout < 1.0:
-            raise InputError(f"dropout is {self.dropout}: give a probability below 1")
+            raise InputError(
+                "range dropout", f"dropout is {self.dropout}: give a probability below 1"
+            )
         if not 0.0 <= self.perception <= 1.0:
-            raise InputError(f"perception is {self.perception}: give a strength from 0 to 1")
+            raise InputError(
+                "range perception", f"perception is {self.perception}: give a strength from 0 to 1"
+            )
 
 
 @dataclass(frozen=True)

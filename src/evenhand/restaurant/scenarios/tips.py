@@ -26,7 +26,7 @@ def check(strength: float) -> None:
         InputError: for anything but 0 to 1.
     """
     if not 0.0 <= strength <= 1.0:
-        raise InputError(f"tips is {strength}: give a strength from 0 to 1")
+        raise InputError("range tips", f"tips is {strength}: give a strength from 0 to 1")
 
 
 def reward(strength: float, codes: np.ndarray, terms: np.ndarray, steps: np.ndarray) -> np.ndarray:

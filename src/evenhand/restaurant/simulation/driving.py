@@ -28,7 +28,7 @@ class Simulation(NamedTuple):
 
     model: int  # address
     data: int  # address
-    spec: int  # which state ``Services.state`` is
+    spec: int  # which state ``ServiceArrays.state`` is
     geoms: np.ndarray  # footprints of the guests among all geoms, int [12]
     place: np.ndarray  # of all geoms, metres, written, [geoms, 3]
     size: np.ndarray  # of all geoms, metres, written, [geoms, 3]
@@ -39,7 +39,7 @@ class Simulation(NamedTuple):
     contacts: np.ndarray  # how many there are, [1]
 
 
-class Services(NamedTuple):
+class ServiceArrays(NamedTuple):
     """N services of at most L decisions that are drawn; see ``lanes.Beginning``."""
 
     state: np.ndarray  # of a simulation, [N, nstate]
@@ -65,7 +65,7 @@ class Pace(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What is written down of N services of at most L decisions; see ``serve.Services``."""
+    """What is written down of N services of at most L decisions; see ``serve.Trajectories``."""
 
     observation: np.ndarray  # float32 [N, L, O]
     action: np.ndarray  # int32 [N, L]
@@ -370,7 +370,7 @@ def serve(
     step: Callable[[int, int], None],
     set_state: Callable[[int, int, int, Any], None],
     simulation: Simulation,
-    services: Services,
+    services: ServiceArrays,
     network: Network,
     pace: Pace,
     kept: Kept,

@@ -106,7 +106,7 @@ class Engine:
 
     def run(
         self, drawn: serve.Drawn, robot: serve.Robot, *, recorded: bool = False
-    ) -> serve.Services:
+    ) -> serve.Trajectories:
         """Run services that have been drawn to their ends.
 
         Args:
@@ -125,7 +125,7 @@ class Engine:
         if len(simulations) > 1:
             self._home.check()
         rows, beginning = drawn.beginning.rows, drawn.beginning
-        services = driving.Services(
+        services = driving.ServiceArrays(
             rows.state, rows.place, rows.radius, drawn.uniform, beginning.noise,
             rows.truth.copy(), beginning.perceived.copy(),
         )  # fmt: skip

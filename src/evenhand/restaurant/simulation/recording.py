@@ -103,7 +103,9 @@ class Recording:
         found = np.flatnonzero(self.number == number)
         if not len(found):
             held = f"{self.number.min()} to {self.number.max()}" if len(self) else "none"
-            raise InputError(f"service {number} was not recorded: there are services {held}")
+            raise InputError(
+                "type service", f"service {number} was not recorded: there are services {held}"
+            )
         return int(found[0])
 
 
@@ -178,14 +180,17 @@ def read(path: str | os.PathLike[str]) -> Recording:
         with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as kept:
             content = {name: kept[name] for name in kept.files}
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist") from None
+        raise InputError("missing file", f"{path} does not exist") from None
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no recording or was cut off: delete it") from error
+        raise InputError(
+            "format file", f"{path} is no recording or was cut off: delete it"
+        ) from error
     odd = set(content) ^ {"format", "interval", *_KINDS}
     wrong = [k for k, kind in _KINDS.items() if k in content and content[k].dtype != kind]
     if odd or wrong or content["format"] != _FORMAT or not _fits(content):
         raise InputError(
-            f"{path} is no recording of services, or one of another version of Evenhand: delete it"
+            "changed file",
+            f"{path} is no recording of services, or one of another version of Evenhand: delete it",
         )
     content["pose"] = np.cumsum(content["pose"], axis=1, dtype=np.int16)
     return _fine(int(content["interval"]), content)

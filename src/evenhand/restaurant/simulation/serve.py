@@ -26,7 +26,7 @@ hold a plan for each service.
 
 
 @dataclass(frozen=True)
-class Services:
+class Trajectories:
     """N finished services and every decision taken in them.
 
     Attributes:
@@ -87,7 +87,7 @@ def draw(
     return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform)
 
 
-def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Services:
+def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Trajectories:
     """Run services that have been drawn to their ends.
 
     Args:
@@ -136,11 +136,11 @@ def empty(drawn: Drawn, *, recorded: bool) -> driving.Kept:
 
 def services(
     drawn: Drawn, facts: Facts, kept: driving.Kept, settings: task.TaskSettings
-) -> Services:
+) -> Trajectories:
     """What was written down, once the services have ended."""
     seen = None
     if len(kept.pose):
         sensed = kept.observation[:, :, task.DISTANCE] * task.DISTANCE_UNIT
         sensed = np.where(kept.mask == 1.0, sensed, np.nan)
         seen = recording.make(drawn.setups, kept.pose, sensed, settings.interval)
-    return Services(facts, drawn.setups.codes, kept.observation, kept.action, kept.mask, seen)
+    return Trajectories(facts, drawn.setups.codes, kept.observation, kept.action, kept.mask, seen)

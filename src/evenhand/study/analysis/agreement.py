@@ -116,7 +116,7 @@ def agreement(
     errors.whole("bootstraps", bootstraps, 99, 1_000_000)
     n_uc, _ = _checked(counts, level, values)
     if n_uc.ndim != 2:
-        raise InputError(f"counts have shape {n_uc.shape}: give one row a unit")
+        raise InputError("shape counts", f"counts have shape {n_uc.shape}: give one row a unit")
     n_uc = n_uc[n_uc.sum(axis=1) >= 2]
     found = float(alpha(n_uc, level, values)) if len(n_uc) else math.nan
     low = high = math.nan
@@ -183,11 +183,16 @@ def _checked(
         raise unknown("level of measurement", level, LEVELS)
     n_uc = np.asarray(counts, dtype=np.float64)
     if n_uc.ndim < 2:
-        raise InputError(f"counts have shape {n_uc.shape}: give one row a unit, one column a value")
+        raise InputError(
+            "shape counts",
+            f"counts have shape {n_uc.shape}: give one row a unit, one column a value",
+        )
     if not np.isfinite(n_uc).all() or (n_uc < 0).any() or (n_uc != np.rint(n_uc)).any():
-        raise InputError("counts of answers must be whole numbers of at least 0")
+        raise InputError("range counts", "counts of answers must be whole numbers of at least 0")
     width = n_uc.shape[-1]
     points = np.arange(width) if values is None else np.asarray(values, dtype=np.float64)
     if points.shape != (width,):
-        raise InputError(f"there are {points.size} values for {width} columns of counts")
+        raise InputError(
+            "format there", f"there are {points.size} values for {width} columns of counts"
+        )
     return n_uc, points.astype(np.float64)

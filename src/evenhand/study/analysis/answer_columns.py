@@ -56,14 +56,16 @@ def check_names(names: list[str]) -> None:
     """Check that all columns are there, once, and no others."""
     for name in COLUMNS:
         if names.count(name) > 1:
-            raise InputError(f"column {name!r} is there twice")
+            raise InputError(f"duplicate {name}", f"column {name!r} is there twice")
         if name not in names:
             guess = nearest(name, [other for other in names if other not in COLUMNS])
             hint = f" (is it {guess!r}?)" if guess else ""
-            raise InputError(f"column {name!r} is missing{hint}: export the answers again")
+            raise InputError(
+                f"missing {name}", f"column {name!r} is missing{hint}: export the answers again"
+            )
     for name in names:
         if name not in COLUMNS:
-            raise InputError(str(unknown("column", name, COLUMNS)))
+            raise InputError("unknown", str(unknown("column", name, COLUMNS)))
 
 
 def checked(table: pa.Table) -> pa.Table:
@@ -77,7 +79,9 @@ def checked(table: pa.Table) -> pa.Table:
     for field in SCHEMA:
         cells = table[field.name].combine_chunks()
         if cells.type != field.type:
-            raise InputError(f"column {field.name!r} holds {cells.type}, not {field.type}")
+            raise InputError(
+                "format column", f"column {field.name!r} holds {cells.type}, not {field.type}"
+            )
         nothing = pa.scalar(None, field.type)
         if pa.types.is_string(field.type):
             cells = pc.if_else(pc.equal(cells, ""), nothing, cells)
@@ -85,28 +89,32 @@ def checked(table: pa.Table) -> pa.Table:
             cells = pc.if_else(pc.is_finite(cells), cells, nothing)
         if not field.nullable and cells.null_count:
             row = pc.index(pc.is_null(cells), True).as_py()
-            raise InputError(f"row {row + 1}, column {field.name!r}: the cell is empty")
+            raise InputError(
+                "empty row", f"row {row + 1}, column {field.name!r}: the cell is empty"
+            )
         if pa.types.is_integer(field.type):
             wrong = pc.or_(pc.less(cells, 0), pc.greater(cells, LARGEST))
             if pc.any(wrong).as_py():
                 row = pc.index(wrong, True).as_py()
                 raise InputError(
+                    "range row",
                     f"row {row + 1}, column {field.name!r}: {cells[row]} is not a whole number "
-                    f"from 0 to {LARGEST}"
+                    f"from 0 to {LARGEST}",
                 )
         if field.name in _CHOICES:
             known = pc.is_in(cells, pa.array(_CHOICES[field.name]))
             if not pc.all(known, min_count=0).as_py():
                 row = pc.index(known, False).as_py()
                 wrong = unknown(field.name, cells[row].as_py(), _CHOICES[field.name])
-                raise InputError(f"row {row + 1}, column {field.name!r}: {wrong}")
+                raise InputError("format row", f"row {row + 1}, column {field.name!r}: {wrong}")
         columns.append(cells)
     checked = pa.Table.from_arrays(columns, schema=LOOSE)
     lacking = pc.and_(pc.is_in(checked["kind"], pa.array(ABOUT_ITEMS)), pc.is_null(checked["item"]))
     if pc.any(lacking).as_py():
         row = pc.index(lacking, True).as_py()
         raise InputError(
-            f"row {row + 1}, column 'item': the cell is empty: name the {checked['kind'][row]}"
+            "empty row",
+            f"row {row + 1}, column 'item': the cell is empty: name the {checked['kind'][row]}",
         )
     _check_people(checked)
     return checked
@@ -117,8 +125,9 @@ def _check_people(table: pa.Table) -> None:
     if pc.any(pc.greater(kinds["simulated_count_distinct"], 1)).as_py():
         row = pc.index(pc.greater(kinds["simulated_count_distinct"], 1), True).as_py()
         raise InputError(
+            "format participant",
             f"participant {kinds['participant'][row]} is simulated in some rows and not in others: "
-            "simulated answers stay so for ever, export them again"
+            "simulated answers stay so for ever, export them again",
         )
     keys = ["participant", "page", "question"]
     many = table.group_by(keys).aggregate([([], "count_all")])
@@ -127,8 +136,9 @@ def _check_people(table: pa.Table) -> None:
         row = pc.index(twice, True).as_py()
         who, page, question = (many[key][row].as_py() for key in keys)
         raise InputError(
+            "duplicate participant",
             f"participant {who} answered question {question!r} on page {page!r} twice: leave one "
-            "of the rows out"
+            "of the rows out",
         )
 
 

@@ -56,7 +56,7 @@ class Limits:
     def __post_init__(self) -> None:
         for field in fields(self):
             if not np.isfinite(getattr(self, field.name)):
-                raise InputError(f"limit {field.name!r} is not a number: give one")
+                raise InputError("format limit", f"limit {field.name!r} is not a number: give one")
 
     def said(self) -> dict[str, str]:
         """Every flag in words."""

@@ -52,7 +52,7 @@ def read(path: str | os.PathLike[str], clips: Path | None = None) -> Protocol:
     found, wrong = examine(path, clips)
     if found is None:
         more = f" ({len(wrong)} mistakes: see `evenhand study check {path}`)"
-        raise InputError(f"{path}, {wrong[0]}" + (more if len(wrong) > 1 else ""))
+        raise InputError("format file", f"{path}, {wrong[0]}" + (more if len(wrong) > 1 else ""))
     return found
 
 

@@ -28,7 +28,9 @@ def write(store: Store, path: Path) -> Path:
         StorageError: when the database cannot be read.
     """
     if path.exists():
-        raise InputError(f"{path} is there already: move it away or give another name")
+        raise InputError(
+            "duplicate file", f"{path} is there already: move it away or give another name"
+        )
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with store.read() as connection:
@@ -40,7 +42,7 @@ def write(store: Store, path: Path) -> Path:
             os.fsync(file.fileno())
         os.replace(aside, path)
     except (OSError, sqlite3.Error) as error:
-        raise InputError(f"{path} cannot be written: {error}") from error
+        raise InputError("unavailable file", f"{path} cannot be written: {error}") from error
     finally:
         for name in (aside, Path(f"{aside}-wal"), Path(f"{aside}-shm"), Path(f"{aside}-journal")):
             with contextlib.suppress(OSError):

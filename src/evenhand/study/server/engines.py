@@ -26,16 +26,18 @@ def address(db: str) -> URL:
         url = make_url(db)
     except (ArgumentError, ValueError):
         raise InputError(
+            "format db",
             "--db is no address of a database: give the name of a file, or "
-            "postgresql://user:password@host/name"
+            "postgresql://user:password@host/name",
         ) from None
     if url.drivername in ("postgres", "postgresql", "postgresql+psycopg"):
         return url.set(drivername="postgresql+psycopg")
     if url.drivername == "sqlite":
         return url
     raise InputError(
+        "type db",
         f"--db names a database of kind {url.drivername!r}: give the name of an SQLite file, or "
-        "postgresql://user:password@host/name"
+        "postgresql://user:password@host/name",
     )
 
 
@@ -82,7 +84,7 @@ def engine(url: URL, wait: float = WAIT, connections: int = 8) -> Engine:
         )
     except (ImportError, NoSuchModuleError):
         raise InputError(
-            f"PostgreSQL needs its driver: {extras.install('study', 'postgres')}"
+            "missing", f"PostgreSQL needs its driver: {extras.install('study', 'postgres')}"
         ) from None
 
 

@@ -18,7 +18,9 @@ from evenhand.study.server.store import Store, read_note
 def check_ending(path: Path) -> None:
     """Check that answers can be written in this format."""
     if path.suffix not in answers.ENDINGS:
-        raise InputError(f"{path} does not end in {', '.join(answers.ENDINGS)}: give such a file")
+        raise InputError(
+            "format file", f"{path} does not end in {', '.join(answers.ENDINGS)}: give such a file"
+        )
 
 
 def write(
@@ -52,17 +54,18 @@ def write(
             there = read_note(connection, "study")
             print_ = read_note(connection, "fingerprint")
         if there != study.name:
-            raise InputError(f"{store.name} holds the study {there!r}, not {study.name!r}")
+            raise InputError("type", f"{store.name} holds the study {there!r}, not {study.name!r}")
         if print_ != study.fingerprint():
             raise InputError(
+                "changed",
                 f"{store.name} holds answers to {study.name!r} as it was before its questions, "
-                "sets or consent were changed: give the file that was served"
+                "sets or consent were changed: give the file that was served",
             )
         found = rows.read(store, previews=previews, exact_times=exact_times)
         table = answers.Answers.of_rows(found)
         ids = _external(store, previews) if external_ids else ""
     except StorageError as error:
-        raise InputError(f"{error}: try again") from error
+        raise InputError("format", f"{error}: try again") from error
     for path in paths:
         answers.write(table, path)
     about = paths[0].with_suffix(".codebook.json")

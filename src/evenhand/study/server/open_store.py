@@ -53,11 +53,11 @@ def open_store(
     except StorageError as error:
         store.dispose()
         raise InputError(
-            f"{error}: see that it can be reached and written, and has space"
+            "format", f"{error}: see that it can be reached and written, and has space"
         ) from None
     except DBAPIError as error:
         store.dispose()
-        raise InputError(f"{store.name} cannot be used: {error.orig}") from None
+        raise InputError("unsupported", f"{store.name} cannot be used: {error.orig}") from None
     except InputError:
         store.dispose()
         raise
@@ -68,16 +68,19 @@ def _check_file(file: Path, make: bool) -> None:
     if not file.exists():
         if make and file.parent.is_dir():
             return
-        raise InputError(f"{file} does not exist: give the database of a study with --db")
+        raise InputError(
+            "missing file", f"{file} does not exist: give the database of a study with --db"
+        )
     try:
         with file.open("r+b") as opened:
             head = opened.read(16)
     except OSError as error:
         raise InputError(
-            f"{file} cannot be written ({error.strerror or error}): give another --db"
+            "unavailable file",
+            f"{file} cannot be written ({error.strerror or error}): give another --db",
         ) from error
     if head not in (b"", b"SQLite format 3\x00"):
-        raise InputError(f"{file} is no SQLite database: give another --db")
+        raise InputError("format file", f"{file} is no SQLite database: give another --db")
 
 
 def _write_ahead(store: Store) -> None:
@@ -85,7 +88,9 @@ def _write_ahead(store: Store) -> None:
         raw: Any = bare.connection.driver_connection
         mode = raw.execute("PRAGMA journal_mode=WAL").fetchone()[0]
     if mode != "wal":
-        raise InputError(f"{store.name} lies where SQLite cannot write ahead: give another --db")
+        raise InputError(
+            "unavailable", f"{store.name} lies where SQLite cannot write ahead: give another --db"
+        )
 
 
 def _tables(store: Store, file: Path | None, make: bool) -> None:
@@ -94,7 +99,7 @@ def _tables(store: Store, file: Path | None, make: bool) -> None:
         found = migrate.version(connection)
         if found is None:
             if not make:
-                raise InputError(f"{store.name} holds no study: give another --db")
+                raise InputError("missing", f"{store.name} holds no study: give another --db")
             schema.metadata.create_all(connection)
             write_note(connection, "version", str(schema.VERSION))
             return
@@ -113,7 +118,8 @@ def _bind(connection: Connection, study: Protocol, name: str) -> None:
     there, print_ = read_note(connection, "study"), read_note(connection, "fingerprint")
     if there not in (None, study.name):
         raise InputError(
-            f"{name} belongs to the study {there!r}, not to {study.name!r}: give another --db"
+            f"format {name}",
+            f"{name} belongs to the study {there!r}, not to {study.name!r}: give another --db",
         )
     if print_ == study.fingerprint():
         return
@@ -124,8 +130,9 @@ def _bind(connection: Connection, study: Protocol, name: str) -> None:
     )
     if print_ is not None and begun:
         raise InputError(
+            f"changed {name}",
             f"{name} holds {begun} participants of {study.name!r} as it was before its questions, "
-            "sets or consent were changed: give another --db for the changed study"
+            "sets or consent were changed: give another --db for the changed study",
         )
     if print_ is not None:
         _forget_previews(connection)

@@ -38,7 +38,7 @@ class Server:
         parts = urllib.parse.urlsplit(url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise InputError(
-                f"{url!r} is no address of a server: give one as http://127.0.0.1:8000"
+                "format", f"{url!r} is no address of a server: give one as http://127.0.0.1:8000"
             )
         self.url = url.rstrip("/")
 
@@ -63,11 +63,13 @@ class Server:
                 wait = error.headers.get("retry-after", "")
                 told = _told(error)
                 if error.code not in (429, 503) or last:
-                    raise InputError(f"{self.url} refused: {told}") from error
+                    raise InputError("unavailable", f"{self.url} refused: {told}") from error
                 time.sleep(min(_LONGEST_WAIT, float(wait) if wait.isdigit() else 1.0))
             except (OSError, ValueError) as error:
                 why = getattr(error, "reason", error)
-                raise InputError(f"no study answers at {self.url}: {why}") from error
+                raise InputError(
+                    "format study", f"no study answers at {self.url}: {why}"
+                ) from error
         raise AssertionError("the last try returns or raises")
 
 
@@ -88,7 +90,8 @@ def meet(server: Server, study: Protocol) -> dict[str, Any]:
     about = server.ask("GET", "/study")
     if about["name"] != study.name:
         raise InputError(
-            f"{server.url} runs study {about['name']!r}, not {study.name!r}: give its protocol"
+            "format",
+            f"{server.url} runs study {about['name']!r}, not {study.name!r}: give its protocol",
         )
     return about
 

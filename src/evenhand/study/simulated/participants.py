@@ -57,10 +57,14 @@ class Habits:
     def __post_init__(self) -> None:
         for name in ("careless", "alike", "leaves", "silent"):
             if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"{name} is {getattr(self, name)}: give a share from 0 to 1")
+                raise InputError(
+                    f"range {name}", f"{name} is {getattr(self, name)}: give a share from 0 to 1"
+                )
         for name in ("seconds", "clip"):
             if not 0 < getattr(self, name) < 3600:
-                raise InputError(f"{name} is {getattr(self, name)}: give seconds below 3600")
+                raise InputError(
+                    f"range {name}", f"{name} is {getattr(self, name)}: give seconds below 3600"
+                )
 
 
 @dataclass(frozen=True, eq=False)

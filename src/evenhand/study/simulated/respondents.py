@@ -63,17 +63,24 @@ class RespondentModel:
 
     def __post_init__(self) -> None:
         if self.n < 1:
-            raise InputError(f"{self.n} respondents cannot judge: recruit at least 1")
+            raise InputError("range", f"{self.n} respondents cannot judge: recruit at least 1")
         for name in ("threshold_spread", "weight_spread", "noise", "issue_noise"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}: it must be 0 or more")
+                raise InputError(
+                    f"range {name}", f"{name} is {getattr(self, name)}: it must be 0 or more"
+                )
         for name in ("naming_temperature", "scene_temperature", "scene_issue_temperature"):
             if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"{name} is {getattr(self, name)}: it must be more than 0")
+                raise InputError(
+                    f"format {name}", f"{name} is {getattr(self, name)}: it must be more than 0"
+                )
         if not 0 <= self.lapse <= 0.5:
-            raise InputError(f"lapse is {self.lapse}: it must lie between 0 and 0.5")
+            raise InputError("range lapse", f"lapse is {self.lapse}: it must lie between 0 and 0.5")
         if not 0 <= self.names_shown <= 1:
-            raise InputError(f"names_shown is {self.names_shown}: it must lie between 0 and 1")
+            raise InputError(
+                "range names_shown",
+                f"names_shown is {self.names_shown}: it must lie between 0 and 1",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +227,9 @@ def judge(
     n = len(scores)
     if scores.shape != (n, len(IDENTITIES), len(ISSUES)):
         raise InputError(
+            "shape by_identity",
             f"by_identity has shape {scores.shape}: it must be [n, {len(IDENTITIES)}, "
-            f"{len(ISSUES)}], the identities {', '.join(IDENTITIES)}"
+            f"{len(ISSUES)}], the identities {', '.join(IDENTITIES)}",
         )
     asked = _positions("who", who, n, respondents.n)
     about = _positions("shown", shown, n, len(IDENTITIES))
@@ -290,7 +298,9 @@ def _draw(logits: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.i
 def _positions(name: str, given: ArrayLike, n: int, limit: int) -> NDArray[np.int64]:
     positions = np.asarray(given)
     if positions.shape != (n,) or positions.dtype.kind not in "iu":
-        raise InputError(f"{name} must be {n} whole numbers, one a window")
+        raise InputError(f"shape {name}", f"{name} must be {n} whole numbers, one a window")
     if n and (positions.min() < 0 or positions.max() >= limit):
-        raise InputError(f"{name} holds a position that does not exist: use 0 to {limit - 1}")
+        raise InputError(
+            f"missing {name}", f"{name} holds a position that does not exist: use 0 to {limit - 1}"
+        )
     return positions.astype(np.int64)

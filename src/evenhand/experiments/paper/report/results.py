@@ -96,7 +96,9 @@ def read(folder: Path) -> Results:
             Rows are counted as an editor shows them: the header is row 1.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder: give the folder of an experiment")
+        raise InputError(
+            "missing folder", f"{folder} is not a folder: give the folder of an experiment"
+        )
     manifest = _manifest(folder / "manifest.json")
     claims = _claims(folder / "claims.json")
     read_table(folder / "results.csv", RESULTS)
@@ -121,12 +123,19 @@ _MANIFEST: dict[str, type | tuple[type, ...]] = {
 def _manifest(path: Path) -> dict[str, Any]:
     manifest = read_json(path)
     if not isinstance(manifest, dict):
-        raise InputError(f"{path} must hold one JSON object with {', '.join(_MANIFEST)}")
+        raise InputError(
+            "format file", f"{path} must hold one JSON object with {', '.join(_MANIFEST)}"
+        )
     for field, kind in _MANIFEST.items():
         if field not in manifest:
-            raise InputError(f"{path}: field {field!r} is missing; run the experiment again")
+            raise InputError(
+                f"missing {field}", f"{path}: field {field!r} is missing; run the experiment again"
+            )
         if not isinstance(manifest[field], kind):
-            raise InputError(f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type")
+            raise InputError(
+                f"format {field}",
+                f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type",
+            )
     return manifest
 
 
@@ -136,25 +145,35 @@ _CLAIM = ("id", "claim", "paper", "ours", "ci95", "seeds", "status", "evidence")
 def _claims(path: Path) -> list[dict[str, Any]]:
     claims = read_json(path)
     if not isinstance(claims, list) or not claims:
-        raise InputError(f"{path} must hold a JSON list with at least one claim")
+        raise InputError("range file", f"{path} must hold a JSON list with at least one claim")
     for number, claim in enumerate(claims, start=1):
         where = f"{path}: claim {number}"
         if not isinstance(claim, dict):
-            raise InputError(f"{where} is not an object with {', '.join(_CLAIM)}")
+            raise InputError("format file", f"{where} is not an object with {', '.join(_CLAIM)}")
         for field in _CLAIM:
             if field not in claim:
-                raise InputError(f"{where}: field {field!r} is missing; write it, null if unknown")
+                raise InputError(
+                    f"unknown {field}",
+                    f"{where}: field {field!r} is missing; write it, null if unknown",
+                )
         for field in ("id", "claim", "evidence"):
             if not isinstance(claim[field], str):
-                raise InputError(f"{where}: field {field!r} is {claim[field]!r}; write a text")
+                raise InputError(
+                    f"format {field}", f"{where}: field {field!r} is {claim[field]!r}; write a text"
+                )
         if claim["status"] not in STATUSES:
             raise InputError(
-                f"{where}: status is {claim['status']!r}; choose one of {', '.join(STATUSES)}"
+                "format file",
+                f"{where}: status is {claim['status']!r}; choose one of {', '.join(STATUSES)}",
             )
         seeds = claim["seeds"]
         if isinstance(seeds, bool) or not isinstance(seeds, int | list | None):
-            raise InputError(f"{where}: seeds is {seeds!r}; write a count, a list or null")
+            raise InputError(
+                "format file", f"{where}: seeds is {seeds!r}; write a count, a list or null"
+            )
         interval = claim["ci95"]
         if interval is not None and not (isinstance(interval, list) and len(interval) == 2):
-            raise InputError(f"{where}: ci95 is {interval!r}; write [low, high] or null")
+            raise InputError(
+                "format file", f"{where}: ci95 is {interval!r}; write [low, high] or null"
+            )
     return claims

@@ -83,11 +83,12 @@ def admin_token(given: str | None, file: Path | None) -> tuple[str, bool]:
         try:
             given = file.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{file} cannot be read: {error}") from error
+            raise InputError("unavailable file", f"{file} cannot be read: {error}") from error
     if given is None:
         return secrets.token_urlsafe(32), True
     if len(given) < SHORTEST or not given.isprintable():
         raise InputError(
-            f"the admin token has {len(given)} characters: give at least {SHORTEST}, at random"
+            "range admin",
+            f"the admin token has {len(given)} characters: give at least {SHORTEST}, at random",
         )
     return given, False

@@ -23,8 +23,9 @@ def listen(host: str, port: int) -> socket.socket:
         if found is not None:
             found.close()
         raise InputError(
+            "unavailable",
             f"{host}, port {port} cannot be listened to ({error.strerror or error}): give another "
-            "--port or --host"
+            "--port or --host",
         ) from error
     return found
 

@@ -1,4 +1,4 @@
-"""Laws of interactions: nothing is lost or made up on the way to a file and back."""
+"""Laws of tables of services: nothing is lost or made up on the way to a file and back."""
 
 import tempfile
 from pathlib import Path
@@ -9,7 +9,7 @@ import pyarrow as pa
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from evenhand.methods.services import FACTS, Interactions
+from evenhand.methods.services import FACTS, Services
 
 # Numbers that float64 and the file hold exactly; text as people write it, but not empty in a CSV.
 _VALUES = {
@@ -47,7 +47,7 @@ def labels(identity: tuple[np.ndarray, tuple[str, ...]]) -> list[str | None]:
     return [None if code < 0 else categories[code] for code in codes]
 
 
-def assert_holds(table: Interactions, made: tuple[dict[str, Any], dict[str, list[Any]]]) -> None:
+def assert_holds(table: Services, made: tuple[dict[str, Any], dict[str, list[Any]]]) -> None:
     identities, facts = made
     assert table.identities == tuple(identities)
     assert table.column_names == [*identities, *facts]
@@ -61,23 +61,23 @@ def assert_holds(table: Interactions, made: tuple[dict[str, Any], dict[str, list
 
 @given(columns())
 def test_a_table_holds_what_it_was_built_from(made):
-    assert_holds(Interactions.build(*made), made)
+    assert_holds(Services.build(*made), made)
 
 
 @given(columns())
 def test_arrow_and_back(made):
-    table = Interactions.build(*made)
-    again = Interactions.from_arrow(table.to_arrow())
+    table = Services.build(*made)
+    again = Services.from_arrow(table.to_arrow())
     assert again == table
     assert_holds(again, made)
 
 
 @given(columns())
 def test_parquet_and_back(made):
-    table = Interactions.build(*made)
+    table = Services.build(*made)
     with tempfile.TemporaryDirectory() as folder:
         table.write_parquet(Path(folder) / "x.parquet")
-        again = Interactions.read_parquet(Path(folder) / "x.parquet")
+        again = Services.read_parquet(Path(folder) / "x.parquet")
     assert_holds(again, made)
     if len(table):  # a file without rows has no categories
         assert again == table
@@ -87,23 +87,23 @@ def test_parquet_and_back(made):
 def test_csv_and_back(made):
     assume(len(made[0]) + len(made[1]) > 1)  # of one column, a null is an empty line
     with tempfile.TemporaryDirectory() as folder:
-        Interactions.build(*made).write_csv(Path(folder) / "x.csv")
-        again = Interactions.read_csv(Path(folder) / "x.csv", list(made[0]))
+        Services.build(*made).write_csv(Path(folder) / "x.csv")
+        again = Services.read_csv(Path(folder) / "x.csv", list(made[0]))
     assert_holds(again, made)
 
 
 @given(columns(), st.data())
 def test_parts_put_together_are_the_whole(made, data):
-    table = Interactions.build(*made)
+    table = Services.build(*made)
     cut = data.draw(st.integers(0, len(table)))
     rows = np.arange(len(table))
     parts = [table.take(rows[:cut]), table.take(rows >= cut)]
-    assert_holds(Interactions.concat(parts), made)
+    assert_holds(Services.concat(parts), made)
 
 
 @given(columns())
 def test_facts_are_nan_exactly_where_a_cell_is_null(made):
-    table = Interactions.build(*made)
+    table = Services.build(*made)
     for name, values in made[1].items():
         seen = table.fact(name)
         if FACTS[name] == pa.string():

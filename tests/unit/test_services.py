@@ -1,4 +1,4 @@
-"""Interactions: what a log lacks is absent, what a row lacks is null, and nothing is made up."""
+"""Services: what a log lacks is absent, what a row lacks is null, and nothing is made up."""
 
 import contextlib
 import os
@@ -9,12 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from evenhand.core.errors import InputError
-from evenhand.methods.services import FACTS, Interactions
+from evenhand.methods.services import FACTS, Services
 
 AGES = ("Child", "Adult", "Elder")
 
 
-def made(**changed) -> Interactions:
+def made(**changed) -> Services:
     """Three services; the second has no response, the third person's age is not known."""
     facts = {
         "responded": np.array([True, False, True]),
@@ -24,7 +24,7 @@ def made(**changed) -> Interactions:
         "robot": ["even", None, "racist"],
     }
     facts = {name: v for name, v in {**facts, **changed}.items() if v is not None}
-    return Interactions.build({"age": (np.array([0, 2, -1]), AGES)}, facts)
+    return Services.build({"age": (np.array([0, 2, -1]), AGES)}, facts)
 
 
 class TestBuild:
@@ -67,8 +67,8 @@ class TestBuild:
 
     @pytest.mark.parametrize("name", list(FACTS))
     def test_every_fact_can_be_all_null_or_empty(self, name):
-        empty = Interactions.build({}, {name: []})
-        null = Interactions.build({}, {name: [None, None]})
+        empty = Services.build({}, {name: []})
+        null = Services.build({}, {name: [None, None]})
         assert (len(empty), len(null)) == (0, 2)
         assert null.to_arrow()[name].type == FACTS[name]
         assert null.to_arrow()[name].null_count == 2
@@ -108,7 +108,7 @@ class TestWrongBuild:
 
     def test_an_identity_with_the_name_of_a_fact(self):
         with pytest.raises(InputError, match="'steps' has the name of a fact"):
-            Interactions.build({"steps": (np.zeros(2, int), ("a",))}, {})
+            Services.build({"steps": (np.zeros(2, int), ("a",))}, {})
 
 
 class TestAsking:
@@ -137,19 +137,19 @@ class TestAsking:
 
 class TestArrow:
     def test_identities_are_noted(self):
-        again = Interactions.from_arrow(made().to_arrow())
+        again = Services.from_arrow(made().to_arrow())
         assert again == made()
         assert again.identities == ("age",)
 
     def test_no_identities_are_noted_too(self):
-        alone = Interactions.build({}, {"steps": [1, 2]})
-        assert Interactions.from_arrow(alone.to_arrow()) == alone
+        alone = Services.build({}, {"steps": [1, 2]})
+        assert Services.from_arrow(alone.to_arrow()) == alone
 
     def test_a_foreign_table_needs_names_of_identities(self):
         foreign = pa.table({"sex": ["f", None, "m"], "steps": [1.0, None, 3.0]})
         with pytest.raises(InputError, match="not said which columns are identities: name them"):
-            Interactions.from_arrow(foreign)
-        taken = Interactions.from_arrow(foreign, ["sex"])
+            Services.from_arrow(foreign)
+        taken = Services.from_arrow(foreign, ["sex"])
         codes, categories = taken.identity("sex")
         assert (codes.tolist(), categories) == ([0, -1, 1], ("f", "m"))
         np.testing.assert_array_equal(taken.fact("steps"), [1.0, np.nan, 3.0])
@@ -159,18 +159,16 @@ class TestArrow:
         column = pa.DictionaryArray.from_arrays(
             pa.array([1, None, 0], pa.int8()), pa.array(["f", "m"], pa.large_string())
         )
-        foreign = Interactions.from_arrow(pa.table({"sex": column}), ["sex"])
-        ours = Interactions.build({"sex": (np.array([0]), ("m",))}, {})
-        both = Interactions.concat([foreign, ours])
+        foreign = Services.from_arrow(pa.table({"sex": column}), ["sex"])
+        ours = Services.build({"sex": (np.array([0]), ("m",))}, {})
+        both = Services.concat([foreign, ours])
         assert both.to_arrow()["sex"].to_pylist() == ["m", None, "f", "m"]
 
     def test_a_category_that_is_null_or_twice_there_is_cleared_up(self):
         column = pa.DictionaryArray.from_arrays(
             pa.array([0, 1, 2, 3, None], pa.int32()), pa.array(["f", None, "f", "m"])
         )
-        codes, categories = Interactions.from_arrow(pa.table({"sex": column}), ["sex"]).identity(
-            "sex"
-        )
+        codes, categories = Services.from_arrow(pa.table({"sex": column}), ["sex"]).identity("sex")
         assert codes.tolist() == [0, -1, 0, 1, -1]
         assert categories == ("f", "m")
 
@@ -178,16 +176,12 @@ class TestArrow:
         column = pa.chunked_array(
             [pa.array(["m", "f"]).dictionary_encode(), pa.array(["x", "m"]).dictionary_encode()]
         )
-        codes, categories = Interactions.from_arrow(pa.table({"sex": column}), ["sex"]).identity(
-            "sex"
-        )
+        codes, categories = Services.from_arrow(pa.table({"sex": column}), ["sex"]).identity("sex")
         assert [categories[code] for code in codes] == ["m", "f", "x", "m"]
 
     def test_a_column_without_chunks(self):
         column = pa.chunked_array([], type=pa.dictionary(pa.int32(), pa.string()))
-        codes, categories = Interactions.from_arrow(pa.table({"sex": column}), ["sex"]).identity(
-            "sex"
-        )
+        codes, categories = Services.from_arrow(pa.table({"sex": column}), ["sex"]).identity("sex")
         assert (codes.tolist(), categories) == ([], ())
 
     @pytest.mark.parametrize(
@@ -203,25 +197,25 @@ class TestArrow:
     def test_wrong_columns(self, column, said):
         table = pa.table({"sex": ["f"], **column} if "age" not in column else column)
         with pytest.raises(InputError, match=said):
-            Interactions.from_arrow(table, ["sex", "age"] if "age" in column else ["sex"])
+            Services.from_arrow(table, ["sex", "age"] if "age" in column else ["sex"])
 
     def test_a_column_that_stands_there_twice(self):
         table = pa.table([pa.array(["f"]), pa.array(["m"])], ["sex", "sex"])
         with pytest.raises(InputError, match="column 'sex' stands there twice"):
-            Interactions.from_arrow(table, ["sex"])
+            Services.from_arrow(table, ["sex"])
 
     def test_the_constructor_takes_checked_columns_only(self):
         with pytest.raises(InputError, match="identity column 'sex' is not categorical"):
-            Interactions(pa.table({"sex": ["f"]}), ["sex"])
+            Services(pa.table({"sex": ["f"]}), ["sex"])
         with pytest.raises(InputError, match="column 'steps' holds int64, expected int32"):
-            Interactions(pa.table({"steps": [1]}), [])
+            Services(pa.table({"steps": [1]}), [])
 
 
 class TestFiles:
     def test_parquet_keeps_everything(self, tmp_path):
         path = tmp_path / "services.parquet"
         made().write_parquet(path)
-        assert Interactions.read_parquet(path) == made()
+        assert Services.read_parquet(path) == made()
         assert os.listdir(tmp_path) == ["services.parquet"]  # nothing is left beside it
 
     def test_csv_by_its_letters(self, tmp_path):
@@ -238,7 +232,7 @@ class TestFiles:
     def test_csv_of_others(self, tmp_path):
         path = tmp_path / "services.csv"
         path.write_text("sex,responded,min_distance\nf,1,0.4\n,false,\nm,True,nan\n")
-        table = Interactions.read_csv(path, ["sex"])
+        table = Services.read_csv(path, ["sex"])
         assert table.to_arrow()["sex"].to_pylist() == ["f", None, "m"]
         np.testing.assert_array_equal(table.fact("responded"), [1.0, 0.0, 1.0])
         assert table.to_arrow()["min_distance"].to_pylist() == [0.4, None, None]
@@ -250,19 +244,19 @@ class TestFiles:
         made().write_parquet(path)
         path.write_bytes(path.read_bytes()[:left])
         with pytest.raises(InputError, match=r"services\.parquet cannot be read as Parquet"):
-            Interactions.read_parquet(path)
+            Services.read_parquet(path)
 
     def test_a_parquet_file_of_something_else(self, tmp_path):
         path = tmp_path / "other.parquet"
         pq.write_table(pa.table({"a": [1]}), path)
         with pytest.raises(InputError, match=r"other\.parquet: it is not said which columns"):
-            Interactions.read_parquet(path)
+            Services.read_parquet(path)
 
     def test_a_file_that_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match="nothing cannot be read as CSV"):
-            Interactions.read_csv(tmp_path / "nothing", ["age"])
+            Services.read_csv(tmp_path / "nothing", ["age"])
         with pytest.raises(InputError, match="nothing cannot be read as Parquet"):
-            Interactions.read_parquet(tmp_path / "nothing")
+            Services.read_parquet(tmp_path / "nothing")
 
     @pytest.mark.parametrize(
         ("text", "said"),
@@ -280,9 +274,9 @@ class TestFiles:
         path = tmp_path / "x.csv"
         path.write_text(text)
         with pytest.raises(InputError, match=said):
-            Interactions.read_csv(path, ["age"])
+            Services.read_csv(path, ["age"])
 
-    @pytest.mark.parametrize("write", [Interactions.write_csv, Interactions.write_parquet])
+    @pytest.mark.parametrize("write", [Services.write_csv, Services.write_parquet])
     def test_a_place_that_cannot_be_written(self, tmp_path, write):
         with pytest.raises(InputError, match="x cannot be written"):
             write(made(), tmp_path / "nowhere" / "x")
@@ -311,11 +305,11 @@ class TestRows:
         assert none.fact("responded").tolist() == []
 
     def test_concat(self):
-        other = Interactions.build(
+        other = Services.build(
             {"age": (np.array([1, 0]), ("Middle Aged", "Child"))},
             {name: [None, None] for name in _FACTS},
         )
-        both = Interactions.concat([made(), other])
+        both = Services.concat([made(), other])
         assert len(both) == 5
         assert both.to_arrow()["age"].to_pylist() == [
             "Child",
@@ -333,11 +327,11 @@ class TestRows:
 
     def test_concat_of_nothing(self):
         with pytest.raises(InputError, match="nothing to concatenate"):
-            Interactions.concat([])
+            Services.concat([])
 
     def test_concat_of_tables_with_other_columns(self):
         with pytest.raises(InputError, match="tables with other columns"):
-            Interactions.concat([made(), made(robot=None)])
+            Services.concat([made(), made(robot=None)])
 
     def test_a_table_does_not_follow_the_arrays_it_was_built_from(self):
         least, step = (
@@ -346,7 +340,7 @@ class TestRows:
         )
         codes = np.array([0, 1, 2], np.int32)
         facts = {"min_distance": least, "response_step": step}
-        table = Interactions.build({"age": (codes, AGES)}, facts)
+        table = Services.build({"age": (codes, AGES)}, facts)
         least[:], step[:], codes[:] = 9.0, 9, 0
         np.testing.assert_array_equal(table.fact("min_distance"), [1.25, 0.42, 0.75])
         np.testing.assert_array_equal(table.fact("response_step"), [60.0, np.nan, 205.0])
@@ -366,10 +360,10 @@ def test_other_libraries_take_it_by_arrow_and_it_says_what_it_holds():
     import polars as pl
     import pyarrow as pa
 
-    table = Interactions.build(
+    table = Services.build(
         identities={"age": (np.array([0, 1]), ["child", "adult"])},
         facts={"responded": [True, None]},
     )
     assert pa.table(table).column_names == ["age", "responded"]
     assert pl.DataFrame(table)["responded"].to_list() == [True, None]
-    assert repr(table) == "Interactions of 2 services; identities: age; facts: responded"
+    assert repr(table) == "Services with 2 rows; identities: age; facts: responded"
