@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from evenhand.core import extras
+from evenhand.core.errors import KINDS
 from evenhand.methods import vocabulary
 from evenhand.restaurant import people
 
@@ -236,3 +237,28 @@ def test_both_pillars_call_identities_and_discriminations_alike():
     # Judgement and world never import each other, so nothing but this keeps their words together.
     asked = dict(zip(vocabulary.IDENTITIES, vocabulary.DISCRIMINATIONS, strict=True))
     assert asked.items() <= people.DISCRIMINATION.items()
+
+
+def codes_of(tree):
+    """First arguments of the errors that a file makes: what they begin with, and whether a field
+    follows.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("InputError"):
+            code = node.args[0]
+            if isinstance(code, ast.JoinedStr):
+                yield code.values[0].value.split(" ")[0], len(code.values) > 1
+            elif isinstance(code, ast.Constant):
+                kind, _, field = code.value.partition(" ")
+                yield kind, bool(field)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_every_refusal_has_a_kind_and_a_field(path):
+    assert {*codes_of(ast.parse(path.read_text()))} <= {(kind, True) for kind in KINDS}
+
+
+def test_the_search_for_refusals_finds_what_is_missing():
+    found = codes_of(ast.parse("InputError('odd x', 's')\nInputError(f'range {x}', 's')"))
+    assert [*found] == [("odd", True), ("range", True)]
+    assert [*codes_of(ast.parse("raise errors.InputError('range', 's')"))] == [("range", False)]

@@ -36,7 +36,7 @@ def checked(scheme: Scheme, ended: Ended, told: Any) -> tuple[np.ndarray, np.nda
         if name not in wanted:
             if name in scheme.names:
                 raise InputError(
-                    "format facts",
+                    "conflict facts",
                     f"the facts function tells {name!r} of {which(ended)}, but people are drawn: "
                     "leave it out, or give no sampler",
                 )
@@ -114,7 +114,7 @@ def _odd(fact: Fact, ended: Ended, row: int, value: Any) -> InputError:
     time = isinstance(value, np.datetime64 | np.timedelta64)
     shown = str(value) if time else repr(value.item() if isinstance(value, np.generic) else value)
     return InputError(
-        "format fact",
+        f"range {fact.name}",
         f"fact {fact.name!r} of {which(ended, row)} is {shown[:60]}: give {fact.wanted()}",
     )
 
@@ -146,14 +146,14 @@ def _codes(one: Identity, ended: Ended, values: Any) -> np.ndarray:
                 f"group of {one.name!r} in {which(ended, row)}:", str(value), one.groups
             )
             raise InputError(
-                "format", f"{found}; or its code, 0 to {last}, -1 where it is not known"
+                "range identity", f"{found}; or its code, 0 to {last}, -1 where it is not known"
             )
     return codes
 
 
 def _no_code(one: Identity, ended: Ended, row: int, value: float) -> InputError:
     return InputError(
-        "format identity",
+        "range identity",
         f"identity {one.name!r} of {which(ended, row)} is {str(value)[:60]}: give 0 to "
         f"{len(one.groups) - 1}, or -1 where it is not known",
     )

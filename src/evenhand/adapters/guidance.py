@@ -55,7 +55,7 @@ class JudgeSettings:
             if need in registry.needs_of(self.method):
                 name = registry.name_of(self.method)
                 raise InputError(
-                    "format method", f"method {name!r} {why}: choose another, such as levelup"
+                    "unsupported method", f"method {name!r} {why}: choose another, such as levelup"
                 )
 
     def weights(self, scheme: Scheme) -> np.ndarray:
@@ -87,14 +87,14 @@ def asked_about(detector: Detector, scheme: Scheme) -> tuple[str, ...]:
     """
     if detector.issues != scheme.issue_names:
         raise InputError(
-            "format detector",
+            "conflict detector",
             f"the detector judges {', '.join(detector.issues)}, and the scheme has "
             f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues",
         )
     known = tuple(name for name in scheme.names if name in detector.identities)
     if not known:
         raise InputError(
-            "format detector",
+            "conflict detector",
             f"the detector was taught with {', '.join(detector.identities)}, and the scheme has "
             f"{', '.join(scheme.names)}: fit a detector to judgements of these identities",
         )
@@ -145,7 +145,7 @@ class Guide:
         if detector is None and registry.VERDICT in registry.needs_of(self.method):
             name = registry.name_of(self.method)
             raise InputError(
-                "format method", f"method {name!r} asks for a verdict: give a detector"
+                "missing detector", f"method {name!r} asks for a verdict: give a detector"
             )
         known = asked_about(detector, scheme) if detector is not None else ()
         self._judge = judge_of(detector, known) if detector is not None else None
@@ -241,7 +241,8 @@ class Guide:
         if given.fair is not None:
             name = registry.name_of(self.method)
             raise InputError(
-                "format method", f"method {name!r} {_REFUSED[registry.DIRECTION]}: choose another"
+                "unsupported method",
+                f"method {name!r} {_REFUSED[registry.DIRECTION]}: choose another",
             )
         self.past = Past(memory, watch.after, self.past.windows + 1)
         self._window = epoch
@@ -264,7 +265,7 @@ class Guide:
             want[name].shape != np.shape(value) for name, value in saved.items()
         ):
             raise InputError(
-                "changed what",
+                "changed state",
                 "what was saved is of another method or other settings: make the same ones",
             )
         past = tree.fill(self.past, saved, "past")

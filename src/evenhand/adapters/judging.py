@@ -47,7 +47,7 @@ class Judging:
         if (sampler is None) != (rng is None):
             has, lacks = ("sampler", "rng") if rng is None else ("rng", "sampler")
             raise InputError(
-                "conflict", f"{has} is given without {lacks}: to draw people, give both"
+                f"missing {lacks}", f"{has} is given without {lacks}: to draw people, give both"
             )
         self.ledger = Ledger(scheme, settings, detector)
         self.queue = None

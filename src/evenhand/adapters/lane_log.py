@@ -190,7 +190,7 @@ def mode_of(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
     said = env.metadata.get("autoreset_mode")
     if said is None:
         raise InputError(
-            "format",
+            "missing autoreset_mode",
             f"{env} does not say how it resets: set metadata['autoreset_mode'] to its "
             "gymnasium.vector.AutoresetMode",
         )

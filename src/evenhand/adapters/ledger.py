@@ -180,7 +180,7 @@ class Ledger:
             rows[name].shape[1:] != getattr(self, f"_{name}").shape[1:] for name in _ROWS
         ):
             raise InputError(
-                "changed what",
+                "changed state",
                 "what was saved is no state of a ledger of this scheme, or of another version of "
                 "Evenhand: make it anew",
             )
@@ -244,7 +244,9 @@ class Ledger:
             InputError: before any service has ended.
         """
         if not self._length:
-            raise InputError("empty service", "no service has ended yet: there is nothing to judge")
+            raise InputError(
+                "empty services", "no service has ended yet: there is nothing to judge"
+            )
         return verdicts.judge(*self.rows(), rng, settings)
 
     @property

@@ -80,16 +80,16 @@ def write(
     judged = {f"{name}, tested": ledger for name, ledger in tests.items()} if tests else runs
     everything = [*runs.items(), *(judged.items() if tests else ())]
     if not runs:
-        raise InputError("missing run", "there is no run to report: give at least one")
+        raise InputError("empty runs", "there is no run to report: give at least one")
     for name, ledger in everything:
         first = next(iter(runs.values())).scheme
         if (ledger.scheme.groups, ledger.scheme.issue_names) != (first.groups, first.issue_names):
             raise InputError(
-                "changed run", f"run {name!r} is of another scheme than the first: report it apart"
+                "conflict run", f"run {name!r} is of another scheme than the first: report it apart"
             )
         if not len(ledger.windows()):
             raise InputError(
-                "format run",
+                "empty run",
                 f"run {name!r} has {len(ledger)} services and no window of "
                 f"{ledger.settings.services} is over: let more episodes end first",
             )
@@ -309,7 +309,7 @@ def _files(names: Sequence[str]) -> list[str]:
 def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findings:
     """All that the statistics say of the services of a ledger."""
     if not len(ledger):
-        raise InputError("empty service", "no service has ended yet: there is nothing to judge")
+        raise InputError("empty services", "no service has ended yet: there is nothing to judge")
     chosen = settings or AuditSettings()
     x, inside = ledger.rows()
     x = np.where(np.isnan(x), np.nan, x >= 0.5)  # graded issues as yes or no
@@ -358,7 +358,7 @@ def updates_table(runs: Mapping[str, Examined]) -> Table:
         for number, one in enumerate(run.updates)
     ]  # fmt: skip
     if not rows:
-        raise InputError("format update", "no update was examined: leave these runs out")
+        raise InputError("empty update", "no update was examined: leave these runs out")
     return reflection_figure.able_or_not(table(HEADS[:-1], rows))
 
 

@@ -86,7 +86,7 @@ class Queue:
         codes = np.asarray(state.get("queue.codes", np.zeros(0)))
         if codes.shape != self._codes.shape:
             raise InputError(
-                "shape what",
+                "shape state",
                 f"what was saved of people has shape {codes.shape}, and here it is "
                 f"{self._codes.shape}: keep the number of environments and the identities",
             )
@@ -132,7 +132,7 @@ class Queue:
         wanted = (BLOCK, len(self._scheme.identities))
         if drawn.shape != wanted or drawn.dtype.kind not in "iu":
             raise InputError(
-                "shape sampler",
+                "type sampler",
                 f"the sampler of people gave {drawn.dtype} of shape {drawn.shape} for {BLOCK} "
                 f"people: give whole numbers of shape {wanted}, one column an identity",
             )
@@ -140,7 +140,7 @@ class Queue:
             odd = (drawn[:, d] < -1) | (drawn[:, d] >= len(one.groups))
             if odd.any():
                 raise InputError(
-                    "type sampler",
+                    "range sampler",
                     f"the sampler of people gave {drawn[odd, d][0]} for {one.name!r}, which takes "
                     f"0 to {len(one.groups) - 1}, or -1 for not known",
                 )

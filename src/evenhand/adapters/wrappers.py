@@ -286,7 +286,7 @@ class JudgeVectorServices(
         for name, values in (("terminated", terminated), ("truncated", truncated)):
             if not isinstance(values, np.ndarray) or values.dtype != bool:
                 raise InputError(
-                    "format environment",
+                    "type environment",
                     f"the environment's {name} are no NumPy array of True and False: wrap it so "
                     "that they are, for instance with gymnasium.wrappers.vector.JaxToNumpy",
                 )

@@ -169,7 +169,7 @@ def check_ending(path: Path) -> None:
     """
     if path.suffix not in ENDINGS:
         raise InputError(
-            "format file",
+            "unknown file",
             f"{path} ends in none of {', '.join(ENDINGS)}: choose what to write by it",
         )
 
@@ -243,7 +243,7 @@ def mapping_for(
     found = guess(log.table.columns, said)
     if not found.identities:
         raise InputError(
-            "missing",
+            "missing identities",
             f"{log.name} has no column that looks like an identity among "
             f"{joined(list(log.table.columns))}: name those that tell who was served",
         )

@@ -195,7 +195,7 @@ def parse(command: type, program: str, words: Sequence[str]) -> Any:
     # tyro says it in a box of many lines, so the words are read once more for one sentence
     complaint = next(_complaints(command, words), f"cannot understand {shlex.join(words)!r}")
     complaint = re.sub(r"://[^\s'\"]+", "://...", complaint)  # the URL may hold a password
-    raise InputError("format", f"{complaint} (see `{program} --help`)")
+    raise InputError("format option", f"{complaint} (see `{program} --help`)")
 
 
 def _complaints(command: type, words: Sequence[str]) -> Iterator[str]:

@@ -241,5 +241,5 @@ def _bin(text: str) -> tuple[str, tuple[float, ...]]:
         return name, tuple(float(edge) for edge in edges.split(","))
     except ValueError:
         raise InputError(
-            "type bins", f"bins {text!r}: give a column and rising numbers, as age=18,65"
+            "format bins", f"bins {text!r}: give a column and rising numbers, as age=18,65"
         ) from None

@@ -75,9 +75,9 @@ class Card:
 
     def _check(self) -> None:
         if self.out.suffix != ".md":
-            raise InputError("format", f"{self.out} does not end in .md: give such a file")
+            raise InputError("format out", f"{self.out} does not end in .md: give such a file")
         if self.out.is_dir():
-            raise InputError("format", f"{self.out} is a folder: give the name of a file")
+            raise InputError("conflict out", f"{self.out} is a folder: give the name of a file")
         if not self.file.exists():
             raise InputError(
                 "missing file",
@@ -87,7 +87,7 @@ class Card:
             whole("services", self.services, 30, SERVICES[1])
         whole("seed", self.seed, *SEEDS)
         if self.file.is_dir() and self.answers is not None:
-            raise InputError("format answers", "--answers belongs to a detector: leave it out")
+            raise InputError("conflict answers", "--answers belongs to a detector: leave it out")
         files.make_folder(self.out.parent)
 
     def _judge(self, said: Said) -> str:
@@ -129,7 +129,7 @@ class Card:
         lines = epoch_log.read(self.file)
         if len(lines) < epochs:
             raise InputError(
-                "format",
+                "changed epochs",
                 f"{self.file / 'epochs.jsonl'} has {len(lines)} lines, but {epochs} epochs have "
                 "run: restore it, or train again",
             )

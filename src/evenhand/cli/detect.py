@@ -73,7 +73,7 @@ class DetectFit:
                 groups=groups,
             )
         except InputError as error:
-            raise InputError("format answers", f"answers file {self.answers}: {error}") from error
+            raise error.at(f"answers file {self.answers}") from error
         detector_file.save(fitted, self.out)
         terminal.table(
             f"Detector fitted to {evaluation.n} judgements of {self.source}, out of fold",
@@ -125,7 +125,7 @@ class DetectJudge:
         """Judge and print."""
         if (self.services is None) == (self.scores is None):
             raise InputError(
-                "type name", "name either a file of services or four numbers with --scores"
+                "conflict scores", "name either a file of services or four numbers with --scores"
             )
         from evenhand.core import terminal
         from evenhand.methods.paper.scores import score
@@ -139,7 +139,7 @@ class DetectJudge:
             try:
                 vectors = dict(score(table).by_identity)
             except InputError as error:
-                raise InputError("format file", f"{path}: {error}") from error
+                raise error.at(path) from error
         columns = ("of", *ISSUES, "probability", "biased", "looks like")
         rows = [_judged(name, vector, judge) for name, vector in vectors.items()]
         if self.json:

@@ -36,7 +36,7 @@ class Example:
         """Draw and write it, print its path."""
         if self.log is None:
             raise InputError(
-                "missing file", "no file is given: name one, as evenhand example fleet.csv"
+                "missing log", "no file is given: name one, as evenhand example fleet.csv"
             )
         import numpy as np
         import pyarrow as pa
@@ -48,7 +48,7 @@ class Example:
         whole("seed", self.seed, *SEEDS)
         if self.log.suffix not in (".csv", ".parquet"):
             raise InputError(
-                "format", f"{self.log} ends neither in .csv nor in .parquet: choose one of them"
+                "format log", f"{self.log} ends neither in .csv nor in .parquet: choose one of them"
             )
         table = synthetic_log(self.services, np.random.default_rng(self.seed))
         out = pa.BufferOutputStream()

@@ -128,13 +128,13 @@ class Film:
         given = (self.run_folder is not None) + (self.robot is not None)
         if given != 1:
             raise InputError(
-                "conflict name",
+                "conflict folder",
                 "name the folder of a run, or a scripted robot with --robot, or the word study: "
                 "one of the three",
             )
         if study and self.services is not None:
             raise InputError(
-                "format services",
+                "conflict services",
                 "--services does not go with study, which chooses its own: leave out",
             )
         if not study and self.services is None:
@@ -144,13 +144,13 @@ class Film:
         for option, value in (("strength", self.strength), ("population", self.population)):
             if self.robot is None and value is not None:
                 raise InputError(
-                    "format",
+                    f"conflict {option}",
                     f"--{option} belongs to a scripted robot: leave it out, or name --robot",
                 )
         if self.seed is not None:
             if self.robot is None and not study:
                 raise InputError(
-                    "format seed", "--seed belongs to a scripted robot and to study: leave it out"
+                    "conflict seed", "--seed belongs to a scripted robot and to study: leave it out"
                 )
             whole("seed", self.seed, *SEEDS)
 
@@ -171,7 +171,7 @@ class Film:
             return sources.from_run(str(self.run_folder), services)
         if max(services) >= sources.SERVED:
             raise InputError(
-                "missing service",
+                "missing services",
                 f"service {max(services)} does not exist: a scripted robot serves "
                 f"{sources.SERVED} people, give numbers from 0 to {sources.SERVED - 1}",
             )
@@ -189,18 +189,18 @@ def _numbers(text: str) -> list[int]:
     for part in parts:
         if not re.fullmatch(r"[0-9]{1,9}", part, re.ASCII):
             raise InputError(
-                "range services",
+                "format services",
                 f"services is {text!r}: give whole numbers of at least 0 joined by commas, as 3,17",
             )
     numbers = [int(part) for part in parts]
     for number in numbers:
         if numbers.count(number) > 1:
             raise InputError(
-                "duplicate service", f"service {number} is named twice: name each service once"
+                "duplicate services", f"service {number} is named twice: name each service once"
             )
     if len(numbers) > _MOST:
         raise InputError(
-            "range", f"{len(numbers)} services are named: film {_MOST} at most at a time"
+            "range services", f"{len(numbers)} services are named: film {_MOST} at most at a time"
         )
     return numbers
 
@@ -209,6 +209,6 @@ def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text, re.ASCII)
     if found is None:
         raise InputError(
-            "type size", f"size is {text!r}: give width and height in pixels, as 640x480"
+            "format size", f"size is {text!r}: give width and height in pixels, as 640x480"
         )
     return int(found[1]), int(found[2])

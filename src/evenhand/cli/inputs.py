@@ -95,11 +95,11 @@ def check_server(run_folder: Path | None, robot: str | None, strength: float | N
     """
     if (run_folder is None) == (robot is None):
         raise InputError(
-            "format name", "name either the folder of a run or a scripted robot with --robot"
+            "conflict folder", "name either the folder of a run or a scripted robot with --robot"
         )
     if run_folder is not None and strength is not None:
         raise InputError(
-            "format strength",
+            "conflict strength",
             "--strength belongs to a scripted robot: leave it out, or name --robot",
         )
 
@@ -115,7 +115,7 @@ def method(text: str, settings: Sequence[str]) -> Any:
     pairs = [word.partition("=") for word in settings]
     for name, mark, _ in pairs:
         if not mark:
-            raise InputError("missing set", f"--set {name} has no value: give SETTING=VALUE")
+            raise InputError("format set", f"--set {name} has no value: give SETTING=VALUE")
     return registry.changed(registry.create(text), {name: value for name, _, value in pairs})
 
 
@@ -169,7 +169,7 @@ def check_target(path: Path, endings: tuple[str, ...] = ()) -> None:
     if endings:
         check_ending(path, endings)
     if path.is_dir():
-        raise InputError("format file", f"{path} is a folder: give the name of a file")
+        raise InputError("conflict file", f"{path} is a folder: give the name of a file")
     files.make_folder(path.parent)
 
 

@@ -92,7 +92,7 @@ def _numbers(text: str) -> list[int]:
         numbers = [int(part) for part in text.split(",")]
     except ValueError:
         raise InputError(
-            "range services",
+            "format services",
             f"--services is {text!r}: give numbers of services with commas between, as 3,17",
         ) from None
     twice = [number for number in numbers if numbers.count(number) > 1]

@@ -164,7 +164,7 @@ class StudyServe:
         todo = protocol_file.unfinished(study)
         if todo and not self.allow_simulated:
             raise InputError(
-                "format file",
+                "missing file",
                 f"{path} still has to be completed ({todo[0]}): nobody can agree to it yet; for a "
                 "trial run with simulated participants add --allow-simulated",
             )
@@ -201,7 +201,7 @@ class StudyBackup:
         try:
             print(backup.write(kept, self.out))
         except StorageError as error:
-            raise InputError("format", f"{error}: try again") from error
+            raise InputError("unavailable database", f"{error}: try again") from error
         finally:
             kept.dispose()
         return 0

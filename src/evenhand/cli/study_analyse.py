@@ -71,7 +71,7 @@ class StudyAnalyse:
         try:
             made = analyse.analyse(found, study, settings, times)
         except InputError as error:
-            raise InputError("format", f"{self.answers}: {error}") from error
+            raise error.at(self.answers) from error
         source = page.Source(self.answers.name, command, date.today().isoformat())
         target = page.write(made, found, source, self.out)
         terminal.table(
@@ -145,7 +145,7 @@ class StudyFit:
         except InputError as error:
             told = str(error)
             named = told if str(self.answers) in told else f"{self.answers}: {told}"
-            raise InputError("format", named) from error
+            raise InputError("conflict answers", named) from error
         detector_file.save(fitted.detector, self.out)
         if strange:
             print(f"note: {strange}", file=sys.stderr)
@@ -189,9 +189,11 @@ class StudySimulate:
         """Simulate, and write or send."""
         whole("seed", self.seed, *_SEEDS)
         if (self.out is None) == (self.url is None):
-            raise InputError("format name", "name either a file with --out or a server with --url")
+            raise InputError(
+                "conflict file", "name either a file with --out or a server with --url"
+            )
         if self.pages and self.url is None:
-            raise InputError("missing pages", "--pages needs a server: name it with --url")
+            raise InputError("missing url", "--pages needs a server: name it with --url")
         if self.pages:
             extras.require("pages", "--pages")
         from evenhand.study.analysis import answers

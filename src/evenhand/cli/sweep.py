@@ -78,7 +78,7 @@ class Sweep:
 
         if self.file is None:
             raise InputError(
-                "format name",
+                "missing file",
                 "name the file of a sweep; `evenhand sweep --example > sweep.toml` writes one",
             )
         if self.workers is not None:

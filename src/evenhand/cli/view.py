@@ -70,7 +70,7 @@ class View:
             for option, value in (("--robot", self.robot), ("--strength", self.strength)):
                 if value is not None:
                     raise InputError(
-                        "format run",
+                        "conflict run",
                         f"--run and {option} exclude each other: leave one of them out",
                     )
         whole("seed", self.seed, *SEEDS)
@@ -83,7 +83,7 @@ class View:
             from evenhand.restaurant.live import studio
         except ImportError as error:
             raise InputError(
-                "missing",
+                "unavailable mujoco",
                 "MuJoCo for this system lacks Studio's web viewer: use Linux or macOS, or a "
                 "newer MuJoCo",
             ) from error

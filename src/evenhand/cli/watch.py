@@ -58,7 +58,7 @@ class Watch(Columns):
         if not self.log:
             raise InputError("missing log", "no log is given: name a file or the URL of a database")
         if not 0.05 <= self.every <= 86_400:
-            raise InputError("format every", f"every is {self.every}: give 0.05 to 86,400 seconds")
+            raise InputError("range every", f"every is {self.every}: give 0.05 to 86,400 seconds")
         from evenhand.audits import api
         from evenhand.audits.watch import alarm, tail
 

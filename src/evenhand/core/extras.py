@@ -46,12 +46,12 @@ def require(extra: str, what: str) -> None:
     for package in EXTRAS[extra]:
         if find_spec(package) is None:
             raise InputError(
-                f"unavailable {what}", f"{what} needs the package {package}: {install(extra)}"
+                f"unavailable {package}", f"{what} needs the package {package}: {install(extra)}"
             )
         name, least = LEAST.get(package, ("", ""))
         if name and _numbers(metadata.version(name)) < _numbers(least):
             raise InputError(
-                f"changed {what}",
+                f"changed {name}",
                 f"{what} needs {name} {least} or newer, and {metadata.version(name)} is installed: "
                 f"{install(extra)}",
             )

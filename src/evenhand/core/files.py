@@ -105,7 +105,7 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
         probe.unlink()
     except FileExistsError as error:
         raise InputError(
-            "format folder", f"{folder} is a file, not a folder: give another one"
+            "conflict folder", f"{folder} is a file, not a folder: give another one"
         ) from error
     except OSError as error:
         raise InputError(
@@ -140,7 +140,7 @@ def locked(folder: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise InputError(
-                "unavailable another",
+                "unavailable folder",
                 f"another process works in {folder}: wait for it or give another folder",
             ) from error
         yield
@@ -153,14 +153,14 @@ def claim_folder(folder: Path, note: str, content: dict[str, Any]) -> None:
         differs = differences(read_record(path), content)
         if differs:
             raise InputError(
-                "type folder",
+                "conflict folder",
                 f"{folder} holds another experiment ({differs}): give another folder, or delete "
                 "this one",
             )
         return
     if any(folder.glob("[!.]*")):
         raise InputError(
-            "unknown folder",
+            "conflict folder",
             f"{folder} is not empty and holds no such experiment: give another folder",
         )
     write_json(path, content)

@@ -55,7 +55,7 @@ def check_jax() -> None:
 
 def _left_behind(what: str, remedy: str = "") -> InputError:
     return InputError(
-        f"format {what}",
+        "unsupported fork",
         f"{what} before this process was forked, and a fork leaves threads behind: {remedy}"
         "start processes by the method 'spawn' of multiprocessing",
     )

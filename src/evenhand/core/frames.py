@@ -21,7 +21,7 @@ def data_frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         import pandas as pd
     except ModuleNotFoundError:
         raise InputError(
-            "unavailable data",
+            "unavailable pandas",
             "data frames need the package pandas, which is not installed: pip install pandas",
         ) from None
     return pd.DataFrame(list(rows))

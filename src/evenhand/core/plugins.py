@@ -44,7 +44,7 @@ def load_plugin(path: str | os.PathLike[str]) -> ModuleType:
         return _files[file]
     if file.suffix != ".py" or not file.is_file():
         raise InputError(
-            "format plugin", f"plugin {path} is no Python file: give the path of a file NAME.py"
+            "missing plugin", f"plugin {path} is no Python file: give the path of a file NAME.py"
         )
     name = f"evenhand_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
@@ -129,7 +129,7 @@ def _failed(what: str, error: BaseException) -> InputError:
     lines = traceback.format_list(own) + traceback.format_exception_only(error)
     print("Traceback (most recent call last):\n" + "".join(lines), end="", file=sys.stderr)
     return InputError(
-        f"unavailable {what}", f"{what} cannot be loaded ({type(error).__name__}): correct it"
+        "format plugin", f"{what} cannot be loaded ({type(error).__name__}): correct it"
     )
 
 
@@ -163,7 +163,7 @@ def check_name(kind: str, name: Any) -> None:
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise InputError(
-            "unsupported a", f"a {kind} cannot be called {name!r}: give letters, digits, - and _"
+            f"format {kind}", f"a {kind} cannot be called {name!r}: give letters, digits, - and _"
         )
 
 

@@ -197,7 +197,7 @@ def _run_apart(
             elif kind == "result":
                 results[index] = pickle.loads(content)
             elif kind == "input":
-                raise InputError("format", content)
+                raise InputError("unavailable worker", content)
             elif kind == "failure":
                 raise RuntimeError(f"{tasks[index].name} failed:\n{content}")
             elif kind == "lost" and content == 0:

@@ -30,7 +30,7 @@ def leaves(tree: Any, name: str = "") -> dict[str, np.ndarray]:
         leaf = np.asarray(tree)
         if leaf.dtype.kind not in "biufc":
             raise InputError(
-                "type",
+                "type state",
                 f"{name or 'the tree'} is of type {type(tree).__name__}: give arrays and numbers, "
                 "in dataclasses, tuples, lists or dicts",
             )
@@ -61,9 +61,7 @@ def fill(like: Tree, arrays: Mapping[str, np.ndarray], name: str = "") -> Tree:
     if parts is None:
         old = np.asarray(like)
         if name not in arrays or np.shape(arrays[name]) != old.shape:
-            raise InputError(
-                f"shape {name}", f"{name} of shape {old.shape} is not in what was saved"
-            )
+            raise InputError("shape state", f"{name} of shape {old.shape} is not in what was saved")
         new = np.asarray(arrays[name]).astype(old.dtype)
         return new if isinstance(like, np.ndarray) else new.item()  # pyright: ignore[reportReturnType]
     made = [fill(part, arrays, f"{name}.{key}" if name else key) for key, part in parts]
@@ -93,5 +91,5 @@ def _parts(tree: Any) -> list[tuple[str, Any]] | None:
 def _named(tree: Mapping[Any, Any]) -> Iterator[tuple[str, Any]]:
     for key, part in tree.items():
         if not isinstance(key, str):
-            raise InputError(f"format {key}", f"{key!r} is no name: give dicts with text as keys")
+            raise InputError("type state", f"{key!r} is no name: give dicts with text as keys")
         yield key, part

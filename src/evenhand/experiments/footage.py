@@ -36,7 +36,7 @@ def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage
     for number in services:
         if number not in row_of:
             raise InputError(
-                "missing folder",
+                "missing service",
                 f"{folder} holds no facts of service {number} yet: let the run go on to its next "
                 "checkpoint",
             )

@@ -67,7 +67,7 @@ def evaluation_of(
     )
     if not same:
         raise InputError(
-            "format answers",
+            "changed answers",
             f"the answers are not those that the detector was fitted to ({again.rows} judgements "
             f"here, {judge.rows} there): give its own answers, or none",
         )

@@ -120,7 +120,7 @@ def load(path: str | Path) -> Detector:
             threshold=_number(content["threshold"], "threshold"),
         )
     except InputError as error:
-        raise InputError("format file", f"{where}: {error}") from error
+        raise error.at(where) from error
 
 
 def read_answers(
@@ -166,7 +166,7 @@ def read_answers(
             row = f"{where}, line {lines.line_num}"
             if len(cells) != len(header):
                 raise InputError(
-                    "format",
+                    "shape row",
                     f"{row}: there are {len(cells)} cells where the header has {len(header)}",
                 )
             cell = {name: cells[i].strip() for name, i in columns.items()}
@@ -182,12 +182,14 @@ def read_answers(
             kinds.append(_kind(cell.get("discrimination", ""), biased[-1], known, row))
             respondents.append(cell.get("respondent", ""))
             if "respondent" in columns and not respondents[-1]:
-                raise InputError("empty", f"{row}, column 'respondent': the cell is empty")
+                raise InputError(
+                    "empty respondent", f"{row}, column 'respondent': the cell is empty"
+                )
     except csv.Error as error:
         raise InputError("format file", f"{where}, line {lines.line_num}: {error}") from error
     if not scores:
         raise InputError(
-            "missing file", f"{where} has no answers: give one row for each judged window"
+            "empty file", f"{where} has no answers: give one row for each judged window"
         )
     return Answers(
         issue_scores=np.array(scores),
@@ -201,7 +203,7 @@ def _text(path: str | Path, where: str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
     except OSError as error:
-        raise InputError("format cannot", f"cannot read {where}: {error.strerror}") from error
+        raise InputError("unavailable file", f"cannot read {where}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(
             "format file", f"{where} is not text in UTF-8 (byte {error.start})"
@@ -210,30 +212,30 @@ def _text(path: str | Path, where: str) -> str:
 
 def _number(value: object, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"format {field}", f"field {field!r} must be a number")
+        raise InputError(f"type {field}", f"field {field!r} must be a number")
     try:
         return float(value)
     except OverflowError as error:
         raise InputError(
-            f"format {field}", f"field {field!r} holds a number that is far too large"
+            f"range {field}", f"field {field!r} holds a number that is far too large"
         ) from error
 
 
 def _whole(value: object, field: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"range {field}", f"field {field!r} must be a whole number")
+        raise InputError(f"type {field}", f"field {field!r} must be a whole number")
     return value
 
 
 def _name(value: object, field: str) -> str:
     if not isinstance(value, str) or not value:
-        raise InputError(f"format {field}", f"field {field!r} must be a name")
+        raise InputError(f"type {field}", f"field {field!r} must be a name")
     return value
 
 
 def _list(value: object, field: str) -> list[object]:
     if not isinstance(value, list):
-        raise InputError(f"format {field}", f"field {field!r} must be a list")
+        raise InputError(f"type {field}", f"field {field!r} must be a list")
     return value
 
 
@@ -274,15 +276,17 @@ def _score(cell: str, at: str) -> float:
         score = float(cell.replace("_", "?"))  # Python reads 0_1 as 1
     except ValueError as error:
         what = f"{cell!r} is not a number" if cell else "the cell is empty"
-        raise InputError("format", f"{at}: {what}; give a score such as 0.25") from error
+        raise InputError("type score", f"{at}: {what}; give a score such as 0.25") from error
     if not -1 <= score <= 1:
-        raise InputError("range", f"{at}: {cell} is outside -1 to 1; give a share, not percent")
+        raise InputError(
+            "range score", f"{at}: {cell} is outside -1 to 1; give a share, not percent"
+        )
     return score
 
 
 def _yes(cell: str, at: str) -> bool:
     if cell.lower() not in YES + NO:
-        raise InputError("format", f"{at}: {cell!r} is neither yes nor no")
+        raise InputError("unknown biased", f"{at}: {cell!r} is neither yes nor no")
     return cell.lower() in YES
 
 
@@ -293,7 +297,7 @@ def _kind(cell: str, biased: bool, known: Mapping[str, str], row: str) -> str | 
         return None
     at = f"{row}, column 'discrimination'"
     if name not in known:
-        raise InputError("unknown", f"{at}: {unknown('discrimination', cell, known.values())}")
+        raise InputError("unknown kind", f"{at}: {unknown('discrimination', cell, known.values())}")
     if not biased:
-        raise InputError("format", f"{at}: {cell!r} is named in a row that says not biased")
+        raise InputError("conflict kind", f"{at}: {cell!r} is named in a row that says not biased")
     return known[name]

@@ -84,7 +84,7 @@ class Epoch:
             InputError: without a detector.
         """
         if self.judge is None:
-            raise InputError("format method", "the method asks for a verdict: give a detector")
+            raise InputError("missing detector", "the method asks for a verdict: give a detector")
         return self.judge(self.scores)
 
     @property

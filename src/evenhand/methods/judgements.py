@@ -21,17 +21,17 @@ def checked_scores(issue_scores: ArrayLike, issues: tuple[str, ...]) -> NDArray[
         scores = np.asarray(issue_scores, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(
-            "format issue", f"issue scores must be an array of numbers: {error}"
+            "type scores", f"issue scores must be an array of numbers: {error}"
         ) from error
     if scores.ndim == 0 or scores.shape[-1] != len(issues):
         raise InputError(
-            "shape issue",
+            "shape scores",
             f"issue scores have shape {scores.shape}: the last dimension must be the "
             f"{len(issues)} issues {', '.join(issues)}",
         )
     if (np.abs(scores) > 1 + 1e-9).any():
         raise InputError(
-            "range issue",
+            "range scores",
             f"issue scores lie between -1 and 1, but {np.nanmax(np.abs(scores)):g} was given: "
             "use shares, not percent",
         )
@@ -61,17 +61,17 @@ def checked_judgements(
             f"{scores.shape} and {answers.shape}",
         )
     if answers.dtype.kind not in "biuf" or not np.isin(answers, (0, 1)).all():
-        raise InputError("format answers", "the answers 'biased' must be True or False")
+        raise InputError("type biased", "the answers 'biased' must be True or False")
     for row, column in np.argwhere(np.isnan(scores))[:1]:
         raise InputError(
-            "missing row",
+            "missing scores",
             f"row {row} has no score for issue {issues[column]!r}: leave out judgements of "
             "windows with a missing score",
         )
     y = answers.astype(bool)
     if y.all() or not y.any():
         raise InputError(
-            "conflict all",
+            "empty biased",
             f"all {len(y)} judgements are {'biased' if y.any() else 'not biased'}: "
             "the detector needs examples of both",
         )
@@ -79,8 +79,10 @@ def checked_judgements(
         [None] * len(y) if kinds is None else [str(k) if k else None for k in kinds]
     )
     if len(names) != len(y):
-        raise InputError("format there", f"there are {len(names)} kinds for {len(y)} judgements")
+        raise InputError("shape kinds", f"there are {len(names)} kinds for {len(y)} judgements")
     for row, name in enumerate(names):
         if name is not None and not y[row]:
-            raise InputError("format row", f"row {row} names {name!r} but was judged not biased")
+            raise InputError(
+                "conflict kinds", f"row {row} names {name!r} but was judged not biased"
+            )
     return scores, y, names

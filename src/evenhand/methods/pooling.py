@@ -40,7 +40,7 @@ def remember(pool: Pool, counts: Counts) -> Pool:
     newest = np.stack(sides, axis=-1)
     if newest.shape != pool.windows.shape[1:]:
         raise InputError(
-            "conflict counts",
+            "shape counts",
             f"counts of {newest.shape[:-1]} groups and issues do not fit a pool of "
             f"{pool.windows.shape[1:-1]}: begin a new one",
         )

@@ -85,7 +85,7 @@ class Penalty(Score):
         super().__post_init__()
         if not 0.0 <= self.lam <= 1.0:
             raise InputError(
-                "format lam", f"lam is {self.lam}: lambda multiplies rewards, give 0 to 1"
+                "range lam", f"lam is {self.lam}: lambda multiplies rewards, give 0 to 1"
             )
 
     def _rewards(self, services: Epoch, window: Epoch) -> np.ndarray:

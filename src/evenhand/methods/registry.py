@@ -123,13 +123,14 @@ def method(
     def register(kind: Class) -> Class:
         if not name or not name.replace("_", "").replace("-", "").isalnum():
             raise InputError(
-                "format method", f"method {name!r}: give a name of letters, digits, - and _"
+                "format name", f"method {name!r}: give a name of letters, digits, - and _"
             )
         _check_free(name, kind)
         for needed in ("begin", "teach"):
             if not callable(getattr(kind, needed, None)):
                 raise InputError(
-                    "missing method", f"method {name!r} has no {needed}: add it to {kind.__name__}"
+                    f"missing {needed}",
+                    f"method {name!r} has no {needed}: add it to {kind.__name__}",
                 )
         if strength is not None and not is_dataclass(kind):
             kind.__annotations__ = inspect.get_annotations(kind) | {field: float}
@@ -137,13 +138,14 @@ def method(
         if not is_dataclass(kind):
             if "__init__" in vars(kind):
                 raise InputError(
-                    "format method",
+                    "unsupported __init__",
                     f"method {name!r} has an __init__: make its settings fields of a dataclass",
                 )
             kind = dataclass(frozen=True)(kind)
         elif not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
             raise InputError(
-                "format method", f"method {name!r} is a dataclass that can change: make it frozen"
+                "unsupported method",
+                f"method {name!r} is a dataclass that can change: make it frozen",
             )
         names = [one.name for one in fields(kind)]
         lacking = [
@@ -153,11 +155,11 @@ def method(
         ]
         if lacking:
             raise InputError(
-                "format method", f"method {name!r}: give {', '.join(lacking)} a default"
+                "missing default", f"method {name!r}: give {', '.join(lacking)} a default"
             )
         if strength is not None and (field not in names or getattr(kind(), field) != strength):
             raise InputError(
-                "format method",
+                f"conflict {field}",
                 f"method {name!r}: give {field} the default {strength} in the class",
             )
         has = field if field in names else None
@@ -195,7 +197,9 @@ def entry(name: str) -> Entry:
         importlib.import_module(f"{__package__}.{BUILT_IN[name]}")
     if name not in _entries and name not in names():
         hint = unknown("method", name, names())
-        raise InputError("format", f"{hint}; the file of an own method is named by --plugin")
+        raise InputError(
+            "unknown method", f"{hint}; the file of an own method is named by --plugin"
+        )
     return _entries[name]
 
 
@@ -209,14 +213,14 @@ def parted(text: str) -> tuple[str, float | None]:
     if not mark:
         return entry(name).name, None
     if entry(name).strength is None:
-        raise InputError("conflict", f"{text}: {name} has no strength, drop @{after}")
+        raise InputError("unsupported strength", f"{text}: {name} has no strength, drop @{after}")
     try:
         strength = float(after) + 0.0  # which makes -0.0 the other zero
         if not isfinite(strength) or strength < 0:
             raise ValueError
     except ValueError:
         raise InputError(
-            "range", f"{text}: give a finite strength of at least 0 after the @"
+            "range strength", f"{text}: give a finite strength of at least 0 after the @"
         ) from None
     return name, strength
 
@@ -246,7 +250,7 @@ def create(text: str, **settings: Any) -> Any:
         if given not in known:
             if not known:
                 raise InputError(
-                    "missing method", f"method {name} has no settings: leave {given} out"
+                    "unsupported settings", f"method {name} has no settings: leave {given} out"
                 )
             raise unknown(f"setting of {name}", given, known)
     if strength is not None and found.strength is not None:
@@ -282,7 +286,7 @@ def entry_of(found: Any) -> Entry:
         if type(found) is one.kind:
             return one
     raise InputError(
-        "format",
+        "unknown method",
         f"{found!r} is no method: register its class with @evenhand.method, or give a name",
     )
 
@@ -311,7 +315,7 @@ def described(found: Any) -> dict[str, Any]:
         plain = json.loads(json.dumps(settings, allow_nan=False))
     except (TypeError, ValueError) as error:
         raise InputError(
-            "unavailable settings",
+            "type settings",
             f"settings of method {name_of(found)!r} cannot be written down ({error}): use text, "
             "finite numbers and tuples of them",
         ) from error
@@ -347,7 +351,7 @@ def changed(found: Any, settings: Mapping[str, str]) -> Any:
         if field not in known:
             if not known:
                 raise InputError(
-                    "missing method", f"method {name} has no settings: leave {field} out"
+                    "unsupported settings", f"method {name} has no settings: leave {field} out"
                 )
             raise unknown(f"setting of {name}", field, known)
         values[field] = _read(f"{field} of {name}", text, getattr(found, field))

@@ -126,7 +126,7 @@ def own_issue(
         found = np.asarray(function(*columns))
         if found.shape != columns[0].shape or found.dtype != bool:
             raise InputError(
-                f"shape {name}",
+                f"type {name}",
                 f"issue {name!r}: its {what} gave {found.dtype} of shape {found.shape} for "
                 f"{len(columns[0])} services: give True or False for each",
             )
@@ -143,7 +143,7 @@ def own_issue(
         if (wrong := known & ~((found >= 0.0) & (found <= 1.0))).any():
             row = int(np.flatnonzero(wrong)[0])
             raise InputError(
-                f"format {name}",
+                f"range {name}",
                 f"issue {name!r} has severity {found[row]:g} in service {row}: give 0 to 1",
             )
         return found
@@ -182,13 +182,13 @@ class Scheme:
             ("issues", self.issues),
         ):
             if not listed:
-                raise InputError("missing scheme", f"the scheme has no {kind}: name at least one")
+                raise InputError(f"empty {kind}", f"the scheme has no {kind}: name at least one")
             _once(kind, [one.name for one in listed])
         facts = [fact.name for fact in self.facts]
         _once("identities and facts", [*NUMBERING, *self.names, *facts])
         if taken := [name for name in self.names if name in FACTS]:
             raise InputError(
-                "format identity",
+                f"duplicate {taken[0]}",
                 f"identity {taken[0]!r} has the name of a fact: call it otherwise",
             )
         for issue in self.issues:
@@ -199,7 +199,7 @@ class Scheme:
             house = FACTS.get(fact.name)
             if house is not None and not _fits(fact.kind, house):
                 raise InputError(
-                    "format fact",
+                    f"conflict {fact.name}",
                     f"fact {fact.name!r} is {fact.kind.__name__}, but the house's fact of that "
                     f"name holds {house}: call it otherwise",
                 )
@@ -296,7 +296,7 @@ def _missing(column: np.ndarray) -> np.ndarray:
 def _once(kind: str, names: Sequence[str]) -> None:
     for name in names:
         if not name:
-            raise InputError("missing one", f"one of the {kind} has no name: give it one")
+            raise InputError("missing name", f"one of the {kind} has no name: give it one")
         if names.count(name) > 1:
             raise InputError(
                 f"duplicate {name}", f"{name!r} stands twice among the {kind}: call one otherwise"

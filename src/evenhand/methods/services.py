@@ -56,13 +56,13 @@ def kinds_of(own: Mapping[str, pa.DataType]) -> dict[str, pa.DataType]:
     for name, kind in own.items():
         if name in FACTS and kind != FACTS[name]:
             raise InputError(
-                "format own",
+                f"conflict {name}",
                 f"own fact {name!r} holds {kind}, but the fact of that name holds {FACTS[name]}: "
                 "give it another name",
             )
         if name not in FACTS and kind not in OWN_TYPES:
             raise InputError(
-                "format own",
+                f"type {name}",
                 f"own fact {name!r} holds {kind}: choose one of {', '.join(map(str, OWN_TYPES))}",
             )
     return FACTS | dict(own)
@@ -117,7 +117,7 @@ def coded(name: str, codes: Any, categories: Sequence[str]) -> pa.Array:
     whole = codes.dtype.kind in "biu" or not codes.size or (codes == np.round(codes)).all()
     if not whole or (codes.size and (codes.min() < -1 or codes.max() >= len(categories))):
         raise InputError(
-            f"format {name}",
+            f"range {name}",
             f"identity {name!r}: codes must be whole numbers of -1 to {len(categories) - 1}",
         )
     if len(set(categories)) < len(categories):
@@ -203,15 +203,16 @@ class Services:
         for name in identities:
             if name in kinds:
                 raise InputError(
-                    f"format {name}", f"identity {name!r} has the name of a fact: rename the column"
+                    f"duplicate {name}",
+                    f"identity {name!r} has the name of a fact: rename the column",
                 )
             if name not in types:
                 raise InputError(
-                    "format column",
+                    f"missing {name}",
                     f"no column {name!r}: the identities named are {list(identities)}",
                 )
             if not pa.types.is_dictionary(types.pop(name)):
-                raise InputError("format identity", f"identity column {name!r} is not categorical")
+                raise InputError(f"type {name}", f"identity column {name!r} is not categorical")
         for name, kind in types.items():
             if name not in kinds:
                 raise unknown("fact", name, kinds)
@@ -274,7 +275,7 @@ class Services:
             noted = notes.get(_IDENTITIES_KEY)
             if noted is None:
                 raise InputError(
-                    "format it", "it is not said which columns are identities: name them"
+                    "missing identities", "it is not said which columns are identities: name them"
                 )
             identities = noted.decode().split("\x1f") if noted else []
         columns = []
@@ -308,9 +309,7 @@ class Services:
         try:
             table = pq.read_table(path)
         except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(
-                "unavailable file", f"{path} cannot be read as Parquet: {error}"
-            ) from error
+            raise InputError("format file", f"{path} cannot be read as Parquet: {error}") from error
         return cls._from_file(path, table, None)
 
     def write_parquet(self, path: str | os.PathLike[str]) -> None:
@@ -346,9 +345,7 @@ class Services:
                 convert_options=options,
             )
         except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(
-                "unavailable file", f"{path} cannot be read as CSV: {error}"
-            ) from error
+            raise InputError("format file", f"{path} cannot be read as CSV: {error}") from error
         return cls._from_file(path, table, identities, own)
 
     @classmethod
@@ -362,7 +359,7 @@ class Services:
         try:
             return cls.from_arrow(table, identities, own)
         except InputError as error:
-            raise InputError("format file", f"{path}: {error}") from error
+            raise error.at(path) from error
 
     def write_csv(self, path: str | os.PathLike[str]) -> None:
         """Write CSV aside and rename it.
@@ -455,7 +452,7 @@ class Services:
             InputError: for no part, or parts with other columns.
         """
         if not parts:
-            raise InputError("empty nothing", "nothing to concatenate")
+            raise InputError("empty tables", "nothing to concatenate")
         if any(part.column_names != parts[0].column_names for part in parts):
             raise InputError("conflict tables", "tables with other columns cannot be put together")
         tables = pa.concat_tables([part._table for part in parts]).unify_dictionaries()

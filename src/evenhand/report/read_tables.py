@@ -72,7 +72,7 @@ def read_table(
     for number, row in enumerate(rows, start=2):
         if len(row) != len(header):
             raise InputError(
-                "type file",
+                "shape row",
                 f"{path}: row {number} has {len(row)} cells, the header has {len(header)}; "
                 "correct the row",
             )
@@ -93,7 +93,7 @@ def read_table(
         ):
             if values in seen:
                 raise InputError(
-                    "duplicate file",
+                    "duplicate row",
                     f"{path}: row {number} repeats row {seen[values]} in the columns "
                     f"{', '.join(key)}; remove one of them",
                 )
@@ -109,7 +109,7 @@ def _text(path: Path) -> str:
             "missing file", f"{path} is missing: run the experiment again to write it"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError("unavailable file", f"{path} cannot be read as text: {error}") from None
+        raise InputError("format file", f"{path} cannot be read as text: {error}") from None
 
 
 def _csv_rows(path: Path) -> tuple[list[str], list[list[str]]]:
@@ -127,26 +127,26 @@ def _cell(text: str, kind: str, where: str) -> str | int | float:
     bare, optional = kind.rstrip("?"), kind.endswith("?")
     if bare == "text":
         if not text and not optional:
-            raise InputError("empty file", f"{where} is empty; write a name")
+            raise InputError("empty cell", f"{where} is empty; write a name")
         if any(ord(letter) < 32 and letter != "\t" for letter in text):
-            raise InputError("type file", f"{where} holds a control character; remove it")
+            raise InputError("format cell", f"{where} holds a control character; remove it")
         return text
     if optional and text.lower() in ("", "nan"):
         return math.nan
     if bare == "flag":
         flags = {"true": 1.0, "false": 0.0, "1": 1.0, "0": 0.0}
         if text.lower() not in flags:
-            raise InputError("type file", f"{where} is {text!r}; write true or false")
+            raise InputError("type cell", f"{where} is {text!r}; write true or false")
         return flags[text.lower()]
     try:
         value = int(text) if bare == "int" else float(text)
     except ValueError:
         noun = "a whole number" if bare == "int" else "a number"
-        raise InputError("type file", f"{where} is {text!r}; write {noun}") from None
+        raise InputError("type cell", f"{where} is {text!r}; write {noun}") from None
     if not math.isfinite(value):
-        raise InputError("range file", f"{where} is {text!r}; write a finite number")
+        raise InputError("range cell", f"{where} is {text!r}; write a finite number")
     if bare == "share" and not 0 <= value <= 1:
-        raise InputError("range file", f"{where} is {text!r}; write a share between 0 and 1")
+        raise InputError("range cell", f"{where} is {text!r}; write a share between 0 and 1")
     return value
 
 

@@ -131,7 +131,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         if not self._running:
             raise RuntimeError("the service has ended: call reset() before the next step()")
         if not self.action_space.contains(action):
-            raise InputError("format action", f"action is {action!r}: give 0 (walk) or 1 (respond)")
+            raise InputError("range action", f"action is {action!r}: give 0 (walk) or 1 (respond)")
         if action == task.RESPOND:
             self._lanes.respond(self._ids)
             ended = True

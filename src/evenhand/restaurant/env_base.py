@@ -48,7 +48,7 @@ class RestaurantSettings:
             kind, words = (Integral, "whole number") if name == "interval" else (Real, "number")
             value = getattr(self, name)
             if not isinstance(value, kind) or isinstance(value, bool):
-                raise InputError(f"format {name}", f"{name} is {value!r}: give a {words}")
+                raise InputError(f"type {name}", f"{name} is {value!r}: give a {words}")
         people.population(self.population)
         task.TaskSettings(self.interval)
         sensing.SenseSettings(self.noise, self.dropout, self.perception)

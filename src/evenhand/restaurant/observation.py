@@ -117,7 +117,7 @@ def _scaled(space: gym.Space[Any]) -> gym.spaces.Box:
     plain = observation_space()
     if space != plain:
         raise InputError(
-            "format only",
+            "unsupported environment",
             f"only observations of the restaurant can be scaled, and only once: {space} is "
             f"observed, not {plain}",
         )

@@ -102,7 +102,8 @@ class Population:
             name = identity.name
             if (name in self.shares) == (name in self.tables):
                 raise InputError(
-                    "conflict file", f"{where} needs shares or a table for {name!r}, one of the two"
+                    f"conflict {name}",
+                    f"{where} needs shares or a table for {name!r}, one of the two",
                 )
             if name in self.shares:
                 _check_shares(f"{where}, {name}", self.shares[name], identity)
@@ -110,14 +111,14 @@ class Population:
             table = self.tables[name]
             if table.given not in names[:position]:
                 raise InputError(
-                    "unsupported file",
+                    f"unknown {name}",
                     f"{where}: {name!r} cannot depend on {table.given!r}, only on an identity "
                     f"before it ({', '.join(names[:position]) or 'there is none'})",
                 )
             parent = self.identities[names.index(table.given)]
             if len(table.rows) != len(parent.groups):
                 raise InputError(
-                    "missing file",
+                    f"shape {name}",
                     f"{where}: the table of {name!r} needs {len(parent.groups)} rows, one for "
                     f"each category of {table.given!r}, and has {len(table.rows)}",
                 )
@@ -190,17 +191,17 @@ class Population:
 def _check_shares(where: str, shares: Sequence[float], identity: Identity) -> None:
     if len(shares) != len(identity.groups):
         raise InputError(
-            "range file",
+            "shape shares",
             f"{where}: {len(identity.groups)} shares are needed, one for each of "
             f"{', '.join(identity.groups)}, and {len(shares)} are given",
         )
     if not all(math.isfinite(share) and share >= 0 for share in shares):
         raise InputError(
-            "range file", f"{where}: shares must be numbers of at least 0, not {list(shares)}"
+            "range shares", f"{where}: shares must be numbers of at least 0, not {list(shares)}"
         )
     if abs(sum(shares) - 1) > TOLERANCE:
         raise InputError(
-            "range file", f"{where}: shares must sum to 1, and sum to {sum(shares):.6g}"
+            "range shares", f"{where}: shares must sum to 1, and sum to {sum(shares):.6g}"
         )
 
 
@@ -254,7 +255,7 @@ def sample(population: Population, n: int, rng: np.random.Generator) -> np.ndarr
         InputError: for n below 1.
     """
     if n < 1:
-        raise InputError("range at", f"at least 1 person must be drawn, not {n}")
+        raise InputError("range n", f"at least 1 person must be drawn, not {n}")
     draws = rng.random((len(population.identities), n))
     codes = np.empty((n, len(population.identities)), dtype=np.int64)
     for column, (given, thresholds) in enumerate(population._thresholds):
@@ -302,13 +303,13 @@ def check_codes(codes: np.ndarray, identities: Identities = IDENTITIES) -> np.nd
             f"people must be codes of shape [n, {len(identities)}], not {list(codes.shape)}",
         )
     if not np.issubdtype(codes.dtype, np.integer):
-        raise InputError("format people", f"people must be integer codes, not {codes.dtype}")
+        raise InputError("type people", f"people must be integer codes, not {codes.dtype}")
     wrong = (codes < 0) | (codes >= np.array([len(one.groups) for one in identities]))
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
         identity = identities[column]
         raise InputError(
-            "format row",
+            f"range {identity.name}",
             f"row {row}: {codes[row, column]} is no code of {identity.name}, which takes 0 to "
             f"{len(identity.groups) - 1}",
         )
@@ -381,13 +382,14 @@ def codes_of(labels: Mapping[str, Sequence[str]]) -> np.ndarray:
     for name in _NAMES:
         if name not in labels:
             raise InputError(
-                f"format {name}", f"identity {name!r} is absent: give its category for every person"
+                f"missing {name}",
+                f"identity {name!r} is absent: give its category for every person",
             )
     lengths = {name: len(labels[name]) for name in _NAMES}
     if len(set(lengths.values())) > 1:
         counted = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise InputError(
-            "format identities", f"identities must be given for the same people: rows are {counted}"
+            "shape identities", f"identities must be given for the same people: rows are {counted}"
         )
     codes = np.empty((lengths[_NAMES[0]], len(_NAMES)), dtype=np.int64)
     for column, identity in enumerate(IDENTITIES):

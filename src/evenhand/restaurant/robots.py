@@ -94,7 +94,7 @@ class ScriptedRobot:
         for field, value in (("strength", self.strength), ("sloppiness", self.sloppiness)):
             if not 0.0 <= value <= 1.0:
                 raise InputError(
-                    f"format {field}", f"{field} of the {self.name} robot is {value}: give 0 to 1"
+                    f"range {field}", f"{field} of the {self.name} robot is {value}: give 0 to 1"
                 )
 
     @property

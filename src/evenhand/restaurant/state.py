@@ -118,7 +118,7 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
         block = _block(source, lane, origin)
         if block.checksum() != checksums[lane]:
             raise InputError(
-                "changed services",
+                "changed state",
                 "the services of this state come out differently here: use it with the versions "
                 "of Evenhand and NumPy, and on the kind of computer, that it was saved with",
             )
@@ -138,7 +138,7 @@ def restore(state: Any, source: Source, settings: dict[str, Any]) -> Running:
 def _check(state: Any, settings: dict[str, Any]) -> None:
     if not isinstance(state, dict):
         raise InputError(
-            "format state", f"a state is a dictionary, not {type(state).__name__}: use get_state()"
+            "type state", f"a state is a dictionary, not {type(state).__name__}: use get_state()"
         )
     if state.get("version") != VERSION:
         raise InputError(
@@ -152,7 +152,7 @@ def _check(state: Any, settings: dict[str, Any]) -> None:
     for name in [*settings, *theirs]:
         if theirs.get(name) != settings.get(name):
             raise InputError(
-                "format state",
+                "changed state",
                 f"the state is of an environment with {name}={theirs.get(name)!r}, and here it is "
                 f"{settings.get(name)!r}: make the environment with the settings of the state",
             )

@@ -112,7 +112,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             ids = np.flatnonzero(_reset_mask(options["reset_mask"], n))
         if not self._begun and len(ids) < n:
             raise InputError(
-                "changed options",
+                "range reset_mask",
                 "options['reset_mask'] leaves lanes out in which no service has begun yet: "
                 "give no mask to the first reset",
             )
@@ -139,7 +139,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             valid, responds, walks = kernels.sort_out(actions, self._ended)
         if not valid:
             raise InputError(
-                "format actions",
+                "type actions",
                 f"actions must be {self.num_envs} numbers, each 0 (walk) or 1 (respond)",
             )
         if not self._begun:
@@ -250,11 +250,13 @@ def _seeds(seed: int | Sequence[int | None] | np.ndarray | None, n: int) -> list
         return [int(seed) + i for i in range(n)]
     each = np.ravel(seed).tolist() if isinstance(seed, np.ndarray) else list(seed)
     if len(each) != n:
-        raise InputError("shape", f"{len(each)} seeds for {n} lanes: give one number or one a lane")
+        raise InputError(
+            "shape seed", f"{len(each)} seeds for {n} lanes: give one number or one a lane"
+        )
     for one in each:
         if one is not None and not isinstance(one, Integral):
             raise InputError(
-                "shape seed", f"seed {one!r} is no whole number: give one number or one a lane"
+                "type seed", f"seed {one!r} is no whole number: give one number or one a lane"
             )
     return [None if one is None else int(one) for one in each]
 
@@ -262,10 +264,10 @@ def _seeds(seed: int | Sequence[int | None] | np.ndarray | None, n: int) -> list
 def _reset_mask(mask: Any, n: int) -> np.ndarray:
     if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (n,):
         raise InputError(
-            "format options", f"options['reset_mask'] must be a bool array of {n} lanes"
+            "type reset_mask", f"options['reset_mask'] must be a bool array of {n} lanes"
         )
     if not mask.any():
         raise InputError(
-            "unknown options", "options['reset_mask'] names no lane: mark at least one"
+            "empty reset_mask", "options['reset_mask'] names no lane: mark at least one"
         )
     return mask

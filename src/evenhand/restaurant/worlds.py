@@ -188,14 +188,14 @@ class World:
             values = np.asarray(tell(done), float)
             if values.shape != done.facts.steps.shape:
                 raise InputError(
-                    "shape fact",
+                    f"shape {fact.name}",
                     f"fact {fact.name!r} came as an array of shape {values.shape} for "
                     f"{len(done.facts.steps)} services: give one number for each",
                 )
             if (wrong := fact.wrong(values)).any():
                 row = int(np.flatnonzero(wrong)[0])
                 raise InputError(
-                    "format fact",
+                    f"range {fact.name}",
                     f"fact {fact.name!r} is {values[row]:g} in service {row}: give {fact.wanted()}",
                 )
             found[fact.name] = values
@@ -213,7 +213,7 @@ class World:
         """
         if self.reference is None:
             raise InputError(
-                "missing scenario",
+                "missing reference",
                 f"scenario {self.name!r} has no reference robot: give one to register_scenario, or "
                 "leave out what compares with it",
             )
@@ -297,7 +297,7 @@ def register_scenario(
     plugins.check_name("scenario", name)
     if not (isinstance(world, World) or callable(world)):
         raise InputError(
-            "format scenario", f"scenario {name!r}: world is {world!r}: give a World or a function"
+            "type world", f"scenario {name!r}: world is {world!r}: give a World or a function"
         )
     frame = sys._getframe(1)
     place, text = plugins.origin(frame, world, reference)
@@ -337,7 +337,7 @@ def _made(name: str) -> World:
         made = entry.world()
         if not isinstance(made, World):
             raise InputError(
-                "type scenario",
+                "type world",
                 f"scenario {name!r}: its function gave {type(made).__name__}: return a World",
             )
         entry.world = made

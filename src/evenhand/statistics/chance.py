@@ -42,7 +42,7 @@ def check_counts(counts: Counts, whole: bool = False) -> None:
             )
     if whole and any((np.mod(getattr(counts, f.name), 1) != 0).any() for f in fields(counts)):
         raise InputError(
-            "missing counts",
+            "type counts",
             "counts are not whole numbers: an exact test needs services without weights",
         )
 

@@ -163,7 +163,7 @@ def _stratum(
     np.add.at(services, (j, i), n)
     if services.sum() > MOST_SERVICES:
         raise InputError(
-            "changed",
+            "range services",
             f"{services.sum()} services are to be exchanged with one another, and "
             f"{MOST_SERVICES} is the most: name strata, or audit a part of the log",
         )
@@ -250,4 +250,4 @@ def _check(
         )
     for name, values in (("indicators", x), ("membership", inside)):
         if not ((values == 0) | (values == 1) | np.isnan(values)).all():
-            raise InputError(f"missing {name}", f"{name} hold other values than 0, 1 and missing")
+            raise InputError(f"range {name}", f"{name} hold other values than 0, 1 and missing")

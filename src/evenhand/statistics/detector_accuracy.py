@@ -217,11 +217,11 @@ def _folds(
     from sklearn.model_selection import StratifiedGroupKFold, StratifiedKFold
 
     if folds < 2:
-        raise InputError("range", f"{folds} folds cannot be held out: use at least 2")
+        raise InputError("range folds", f"{folds} folds cannot be held out: use at least 2")
     fewest = int(min(y.sum(), (~y).sum()))
     if fewest < folds:
         raise InputError(
-            "range rarer",
+            "range folds",
             f"the rarer answer was given {fewest} times: {folds} folds need it at least "
             f"{folds} times",
         )
@@ -235,7 +235,7 @@ def _folds(
             )
         if len(np.unique(who)) < folds:
             raise InputError(
-                "unsupported",
+                "range folds",
                 f"{len(np.unique(who))} respondents cannot be dealt into {folds} folds",
             )
         splitter = StratifiedGroupKFold(folds, shuffle=True, random_state=seed)
@@ -246,7 +246,7 @@ def _folds(
         if y[rest].all() or not y[rest].any():
             only = "biased" if y[rest].all() else "not biased"
             raise InputError(
-                "unsupported without",
+                "range folds",
                 f"without the respondents of one of {folds} folds all judgements are {only!r}, so "
                 "accuracy for new people cannot be told: ask more people, until several have "
                 "given each answer",

@@ -59,7 +59,7 @@ def fit_prior(cases: np.ndarray, n: np.ndarray) -> tuple[float, float]:
     x, size = _checked(cases, n)
     if (size > 0).sum() < 2:
         raise InputError(
-            "format fewer",
+            "empty combinations",
             "fewer than two combinations have services: there is nothing in common to learn from",
         )
     edge = 0.5 / (size.sum() + 1)
@@ -127,6 +127,6 @@ def _checked(cases: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         )
     if (x < 0).any() or (x > size).any():
         raise InputError(
-            "format combination", "a combination has fewer services than issues, or fewer than 0"
+            "range cases", "a combination has fewer services than issues, or fewer than 0"
         )
     return x, size

@@ -88,7 +88,7 @@ def check_rows(x: np.ndarray, inside: np.ndarray) -> None:
     """
     if x.ndim < 2 or inside.ndim != x.ndim or x.shape[:-1] != inside.shape[:-1]:
         raise InputError(
-            "conflict indicators",
+            "shape indicators",
             f"indicators {x.shape} and membership {inside.shape} do not match: "
             "give one row a service to both",
         )
@@ -98,7 +98,7 @@ def check_rows(x: np.ndarray, inside: np.ndarray) -> None:
         )
     for name, values in (("indicators", x), ("membership", inside)):
         if not ((values == 0) | (values == 1) | np.isnan(values)).all():
-            raise InputError(f"missing {name}", f"{name} hold other values than 0, 1 and missing")
+            raise InputError(f"range {name}", f"{name} hold other values than 0, 1 and missing")
 
 
 def studentised(parts: Sequence[Counts]) -> np.ndarray:

@@ -70,7 +70,7 @@ def bet(wealth: Wealth, gap: np.ndarray) -> Wealth:
             f"gaps {gap.shape} do not match streams {wealth.bet.shape}: give one gap each",
         )
     if (np.abs(gap) > 1).any():
-        raise InputError("range gap", "a gap lies outside -1 to 1: give differences of rates")
+        raise InputError("range gaps", "a gap lies outside -1 to 1: give differences of rates")
     seen = ~np.isnan(gap)
     g = np.where(seen, gap, 0.0)
     factor = 1.0 - wealth.bet * g
@@ -100,7 +100,7 @@ def watch(gaps: np.ndarray, wealth: Wealth | None = None) -> tuple[np.ndarray, W
     """
     gaps = np.asarray(gaps, float)
     if gaps.ndim == 0:
-        raise InputError("format one", "one number is no stream: give gaps in order of time")
+        raise InputError("shape gaps", "one number is no stream: give gaps in order of time")
     now = wealth or start(*gaps.shape[1:])
     path = np.empty(gaps.shape)
     for t, gap in enumerate(gaps):
@@ -122,6 +122,6 @@ def combined(log_wealth: np.ndarray, axis: int | tuple[int, ...] = (-2, -1)) -> 
     streams = int(np.prod([log_wealth.shape[a] for a in axes]))
     if streams == 0:
         raise InputError(
-            "range there", "there are no streams to combine: give at least one group and issue"
+            "empty streams", "there are no streams to combine: give at least one group and issue"
         )
     return np.asarray(logsumexp(log_wealth, axis=axis) - np.log(streams))

@@ -29,7 +29,8 @@ def most_exceedances(permutations: int, alpha: float) -> int:
     most = int((settled(p, permutations) <= alpha).sum()) - 1
     if most < 0:
         raise InputError(
-            "unsupported", f"{permutations} permutations cannot reach a level of {alpha}: draw more"
+            "range permutations",
+            f"{permutations} permutations cannot reach a level of {alpha}: draw more",
         )
     return most
 
@@ -118,7 +119,7 @@ def _coded(x: np.ndarray) -> np.ndarray:
     """What happened in a service as one number, int64 [W, n, 1]: a shuffle moves one a row."""
     if x.shape[-1] > MOST_ISSUES:
         raise InputError(
-            "shape", f"{x.shape[-1]} issues are too many: test at most {MOST_ISSUES} at once"
+            "range issues", f"{x.shape[-1]} issues are too many: test at most {MOST_ISSUES} at once"
         )
     digits = np.where(np.isnan(x), 2, x).astype(np.int64)
     return (digits @ 3 ** np.arange(x.shape[-1]))[..., None]

@@ -162,7 +162,7 @@ def load(path: str | os.PathLike[str], like: State, expect: Mapping[str, str]) -
     others = [name for name, value in expect.items() if saved.get(name) != value]
     if others:
         raise InputError(
-            "format checkpoint",
+            "conflict checkpoint",
             f"checkpoint {path} belongs to other settings ({', '.join(others)}); "
             "resume with the settings that it was saved with, or start in a new folder",
         )
@@ -172,7 +172,7 @@ def load(path: str | os.PathLike[str], like: State, expect: Mapping[str, str]) -
     if list(wanted) != list(arrays):
         odd = sorted({*wanted} ^ {*arrays})
         raise InputError(
-            "type checkpoint",
+            "conflict checkpoint",
             f"checkpoint {path} holds another policy, or the memory of another method "
             f"({', '.join(odd[:3])}); resume with the settings that it was saved with",
         )
@@ -202,7 +202,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         ) from error
     if not content.startswith(b"PK"):
         raise InputError(
-            "format file", f"{path} is not a checkpoint of Evenhand; give the file of a run folder"
+            "format checkpoint",
+            f"{path} is not a checkpoint of Evenhand; give the file of a run folder",
         )
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -224,7 +225,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         ours = False
     if not ours:
         raise InputError(
-            "format file", f"{path} is not a checkpoint of Evenhand; give the file of a run folder"
+            "format checkpoint",
+            f"{path} is not a checkpoint of Evenhand; give the file of a run folder",
         )
     if header["version"] != _VERSION:
         raise InputError(

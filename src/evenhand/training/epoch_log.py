@@ -21,7 +21,7 @@ def read(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
     path = Path(folder) / NAME
     if not path.exists():
         raise InputError(
-            "empty file", f"{path} does not exist: {folder} is no run folder, or nothing ran yet"
+            "missing file", f"{path} does not exist: {folder} is no run folder, or nothing ran yet"
         )
     return parse(path, path.read_bytes().splitlines())
 
@@ -41,7 +41,7 @@ def parse(log: Path, lines: list[bytes]) -> list[dict[str, Any]]:
             right = False
         if not right:
             raise InputError(
-                "format",
+                "format file",
                 f"{log} line {number + 1} is cut off or damaged: delete {log.parent} and run the "
                 "same command again",
             )

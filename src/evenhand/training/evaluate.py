@@ -61,7 +61,7 @@ def check_world(settings: TrainSettings, world: World) -> None:
     """
     if world.groups != settings.world.groups:
         raise InputError(
-            "format in",
+            "conflict scenario",
             f"in scenario {world.name!r} people have other identities than in "
             f"{settings.scenario!r}, where the policy was trained: test it in a scenario with the "
             "same identities",

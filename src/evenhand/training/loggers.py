@@ -55,7 +55,7 @@ def check(names: Sequence[str]) -> None:
         if name not in SINKS:
             raise unknown("sink", name, SINKS)
         if names.count(name) > 1:
-            raise InputError("duplicate sink", f"the sink {name} is named twice: name it once")
+            raise InputError("duplicate log", f"the sink {name} is named twice: name it once")
         extras.require(name, f"the sink {name}")
 
 
@@ -248,7 +248,7 @@ class Wandb:
             )
         except Error as error:
             raise InputError(
-                "unavailable", f"Weights & Biases cannot write to {root}: {error}"
+                "unavailable wandb", f"Weights & Biases cannot write to {root}: {error}"
             ) from error
 
     def write(self, epoch: int, numbers: Mapping[str, float]) -> None:

@@ -64,7 +64,7 @@ class PolicySettings:
         layers, units = MOST_HIDDEN
         if not 1 <= len(self.hidden) <= layers or not all(1 <= n <= units for n in self.hidden):
             raise InputError(
-                "format hidden",
+                "range hidden",
                 f"hidden is {self.hidden}; give 1 to {layers} layers, each of 1 to {units:,} units",
             )
         if self.activation not in _ACTIVATIONS:
@@ -149,7 +149,7 @@ def make_policy(obs_size: int, settings: PolicySettings, rng: np.random.Generato
     odd = [leaf for leaf in jax.tree.leaves(made) if not isinstance(leaf, jax.Array | np.ndarray)]
     if odd:
         raise InputError(
-            "format policy",
+            "type policy",
             f"policy {settings.kind!r} holds {odd[0]!r} among its weights: keep arrays there, and "
             "everything else in static fields (equinox.field(static=True))",
         )

@@ -47,7 +47,7 @@ def read(folder: str | os.PathLike[str], services: Iterable[int] | None = None) 
     found = _files(root)
     if not found:
         raise InputError(
-            "missing folder",
+            "missing states",
             f"{root} has no states to draw: it was run with --no-states, or has no checkpoint "
             "yet; train it again in a new folder without --no-states",
         )

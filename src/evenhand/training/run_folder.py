@@ -188,7 +188,7 @@ def read_services(folder: str | os.PathLike[str]) -> Services:
     found = _service_files(Path(folder))
     if not found:
         raise InputError(
-            "empty folder", f"{folder} holds no services: it is no run folder, or nothing ran yet"
+            "missing folder", f"{folder} holds no services: it is no run folder, or nothing ran yet"
         )
     return Services.concat([Services.read_parquet(path) for path in found])
 
@@ -207,7 +207,7 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerS
     settings = _from_dict(TrainSettings, noted["settings"], path)
     if not (root / "checkpoint.npz").exists():
         raise InputError(
-            "missing folder",
+            "missing checkpoint",
             f"{root} has no checkpoint yet, there is one every {CHECKPOINT_EVERY} epochs: "
             "let the run go on",
         )
@@ -272,7 +272,7 @@ def _claim(
             differs = f"another {other[0]}"
         if differs:
             raise InputError(
-                "changed folder",
+                "conflict folder",
                 f"{root} holds another run ({differs}): give another folder, or delete this one",
             )
         if extended:
@@ -280,7 +280,7 @@ def _claim(
             files.write_json(path, noted | _settings_noted(now) | {"extended": lengths})
     elif any(root.glob("[!.]*")):
         raise InputError(
-            "missing folder", f"{root} is not empty and holds no run: give another folder"
+            "conflict folder", f"{root} is not empty and holds no run: give another folder"
         )
     else:
         noted = {"fingerprints": prints, "versions": versions(), "seed": settings.seed}
@@ -311,7 +311,7 @@ def _resume(
     kept = log.read_bytes().splitlines(keepends=True)[:first] if log.exists() else []
     if len(epoch_log.parse(log, kept)) < first:
         raise InputError(
-            "format",
+            "changed folder",
             f"{log} has {len(kept)} lines, but {first} epochs have run: delete {root} and run the "
             "same command again",
         )
@@ -330,7 +330,7 @@ def _resume(
             there = end
     if there < first:
         raise InputError(
-            "missing",
+            "missing services",
             f"{services} lacks the services of epoch {there}: delete {root} and run the same "
             "command again",
         )

@@ -102,7 +102,7 @@ class TrainSettings:
             return (1.0,) * len(issues)
         if len(self.tau) != len(issues):
             raise InputError(
-                "duplicate tau",
+                "conflict tau",
                 f"tau is {self.tau}, and scenario {self.scenario!r} has {len(issues)} issues "
                 f"({', '.join(issues)}): leave tau out, and they weigh alike",
             )
@@ -112,13 +112,13 @@ class TrainSettings:
         if self.preset == "paper" and not hasattr(self.method, "alone"):
             name = registry.name_of(self.method)
             raise InputError(
-                "missing preset",
+                "conflict preset",
                 f"preset paper rewards Eq. 4/5 and nothing else, and {name} needs a service "
                 "reward: choose score or penalty, or the preset service",
             )
         if self.preset == "paper" and self.world.tips:
             raise InputError(
-                "format preset",
+                "conflict preset",
                 "preset paper rewards Eq. 4/5 and nothing else, so nobody would tip in scenario "
                 f"{self.scenario!r}: choose the preset service, or a scenario without tips",
             )

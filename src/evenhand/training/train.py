@@ -221,7 +221,7 @@ def check_detector(detector: Detector | None, settings: TrainSettings) -> None:
     if detector is None:
         if registry.VERDICT in registry.needs_of(settings.method):
             raise InputError(
-                "format method",
+                "missing detector",
                 f"method {registry.name_of(settings.method)} asks a detector, and the one that "
                 "comes with Evenhand does not know the issues or identities of scenario "
                 f"{settings.scenario!r}: fit one, or choose a method that asks none, such as "
@@ -230,13 +230,13 @@ def check_detector(detector: Detector | None, settings: TrainSettings) -> None:
         return
     if not {*detector.issues} <= {*scheme.issue_names}:
         raise InputError(
-            "format detector",
+            "conflict detector",
             f"the detector judges {', '.join(detector.issues)}, and training scores "
             f"{', '.join(scheme.issue_names)}: fit a detector to judgements of these issues",
         )
     if not {*detector.identities} & {*scheme.names}:
         raise InputError(
-            "format detector",
+            "conflict detector",
             f"the detector was taught with {', '.join(detector.identities) or 'no identity'}, and "
             f"people in scenario {settings.scenario!r} have {', '.join(scheme.names)}: fit a "
             "detector to judgements of these identities",

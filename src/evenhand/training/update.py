@@ -104,7 +104,7 @@ class UpdateSettings:
 
     def _require(self, name: str, good: bool, remedy: str) -> None:
         if not good:
-            raise InputError(f"format {name}", f"{name} is {getattr(self, name)}; {remedy}")
+            raise InputError(f"range {name}", f"{name} is {getattr(self, name)}; {remedy}")
 
 
 class LearnerState(eqx.Module):

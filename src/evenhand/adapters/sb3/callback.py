@@ -160,20 +160,20 @@ class EvennessCallback(BaseCallback):
 
         if self._reflect is None:
             raise InputError(
-                "format callback", "the callback examines no update: leave reflect as it is"
+                "unsupported reflect", "the callback examines no update: leave reflect as it is"
             )
         return Examined(self.reflections, self._reflect)
 
     def _init_callback(self) -> None:
         if not isinstance(self.model, OnPolicyAlgorithm):
             raise InputError(
-                "format",
+                "unsupported model",
                 f"{type(self.model).__name__} keeps no rollouts: the callback works with PPO and "
                 "A2C",
             )
         if type(self.model.rollout_buffer) not in (RolloutBuffer, DictRolloutBuffer):
             raise InputError(
-                "format",
+                "unsupported model",
                 f"{type(self.model).__name__} has a {type(self.model.rollout_buffer).__name__}: "
                 "the callback works with the rollout buffers of PPO and A2C",
             )
@@ -186,7 +186,7 @@ class EvennessCallback(BaseCallback):
                 self._judging.restore(self._saved)
         elif lanes != self._lanes:
             raise InputError(
-                "missing callback",
+                "changed callback",
                 f"the callback has watched {self._lanes} environments and is given {lanes}: make a "
                 "new callback, or keep the number",
             )
@@ -207,7 +207,7 @@ class EvennessCallback(BaseCallback):
     def _on_step(self) -> bool:
         if self._ends is None:
             raise InputError(
-                "type callback",
+                "unsupported callback",
                 "the callback is told of steps and of no rollout, as inside EveryNTimesteps: give "
                 "it to learn itself, or in a list of callbacks",
             )

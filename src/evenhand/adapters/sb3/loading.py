@@ -25,7 +25,7 @@ def triton_first() -> None:
         return
     if "libLLVM" in _loaded():
         raise InputError(
-            "unsupported pictures",
+            "unavailable torch",
             "pictures were drawn in this process before PyTorch was loaded, and Mesa and Triton "
             "cannot meet in that order: import evenhand.adapters.sb3 before anything is rendered",
         )

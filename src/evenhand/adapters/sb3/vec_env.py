@@ -60,7 +60,7 @@ class ServiceVecEnv(VecEnv):
         mode = mode_of(env)
         if mode is not AutoresetMode.SAME_STEP:
             raise InputError(
-                "format",
+                "unsupported autoreset_mode",
                 f"{env} resets {mode.value}, and Stable-Baselines3 wants the first observation of "
                 "the next episode in the step that ends one: make it with AutoresetMode.SAME_STEP",
             )
@@ -141,7 +141,7 @@ class ServiceVecEnv(VecEnv):
     def _all(self, what: str, indices: Any) -> None:
         if indices is not None and list(self._get_indices(indices)) != list(range(self.num_envs)):
             raise InputError(
-                f"format {what}",
+                "unsupported indices",
                 f"{what} for environments {indices}: they are one vector environment, so call it "
                 "for all of them",
             )

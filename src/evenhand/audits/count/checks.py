@@ -79,7 +79,7 @@ def look(source: Source, mapping: Mapping, read: Facts) -> Checked:
     told = source.fetch(table.query(asked)).to_pylist()[0]
     if not told["n"]:
         source.check_unchanged()
-        raise InputError("empty", f"{source.name} has no services: there is nothing to audit")
+        raise InputError("empty log", f"{source.name} has no services: there is nothing to audit")
     for i, name in enumerate(plain):
         if told[f"groups{i}"] > _DOUBTLESS * MOST_GROUPS:
             refuse_wrong(source, mapping, read)
@@ -157,13 +157,13 @@ def refuse_wrong(source: Source, mapping: Mapping, read: Facts) -> None:
 
 def changed(source: Source) -> InputError:
     """What is said of a log that two passes saw differently."""
-    return InputError("changed", f"{source.name} changed while it was read: audit a copy")
+    return InputError("changed log", f"{source.name} changed while it was read: audit a copy")
 
 
 def too_many(source: Source, name: str) -> InputError:
     """What is said of an identity that tells every person apart."""
     return InputError(
-        "type",
+        f"range {name}",
         f"{source.name}: identity {name!r} has more than {MOST_GROUPS} groups and looks like an "
         f"identifier: bin its numbers, as {name}=18,40,65, or leave it out",
     )
@@ -218,12 +218,12 @@ def _wrong(source: Source, mapping: Mapping, reading: Reading, n: int) -> InputE
         ).to_pylist()
         if found:
             place = f"{part.name}, {part.row(found[0]['n'] - 1)}"
-            return InputError("format", _sentence(place, reading, found[0]))
+            return InputError("format log", _sentence(place, reading, found[0]))
     table = source.table
     cells = {f"c{i}": table[column] for i, column in enumerate(reading.columns)}
     found = source.fetch(table.query(cells, f"where {reading.wrong} limit 1")).to_pylist()
     place = f"{source.name}, in {n} rows"
-    return InputError("format", _sentence(place, reading, found[0] if found else {"c0": None}))
+    return InputError("format log", _sentence(place, reading, found[0] if found else {"c0": None}))
 
 
 def _alike(one: Reading, other: Reading) -> bool:

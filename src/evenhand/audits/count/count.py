@@ -105,7 +105,7 @@ def _flags(read: Facts, mapping: Mapping) -> dict[str, str]:
 def _check_total(source: Source, before: int, after: int) -> None:
     if after != before or source.rows not in (None, after):
         raise InputError(
-            "changed",
+            "changed log",
             f"{source.name} changed while it was read, from {source.rows or before} to {after} "
             "services: audit a copy",
         )

@@ -75,7 +75,7 @@ def count(source: Source, columns: dict[str, str], **more: str) -> pa.Table:
     )
     if found.num_rows > MOST_ROWS:
         raise InputError(
-            "format",
+            "range strata",
             f"{source.name}: identities and strata make more than {MOST_ROWS} combinations: leave "
             "some out or bin them",
         )

@@ -121,11 +121,13 @@ class Tally:
     def __post_init__(self) -> None:
         if not self.identities:
             raise InputError(
-                "unknown log", "the log names no identity: say which columns tell who was served"
+                "missing identities",
+                "the log names no identity: say which columns tell who was served",
             )
         if not self.issues:
             raise InputError(
-                "format log", "the log tells no issue: say which column tells whether it responded"
+                "missing responded",
+                "the log tells no issue: say which column tells whether it responded",
             )
         if not len(self.n):
             raise InputError("empty log", "the log has no services: there is nothing to audit")

@@ -121,7 +121,7 @@ def _few(groups: int, depth: int) -> None:
     if groups > MOST_GROUPS:
         advice = "name fewer identities or bin their values" if depth == 1 else "lower the depth"
         raise InputError(
-            "conflict at",
+            "range depth",
             f"at depth {depth} the log has {groups} groups or more, and {MOST_GROUPS} is the most "
             f"that can be compared together: {advice}",
         )

@@ -80,7 +80,7 @@ def open_table(url: str, table: str | None) -> tuple[Table, str, dict[str, Any],
         if engine is not None:
             engine.close()
         raise InputError(
-            f"unavailable {name}",
+            "unavailable database",
             f"{name} cannot be reached ({hide(one_line(error), url)}): check the address, the "
             "password and that the database runs",
         ) from None
@@ -96,7 +96,7 @@ def open_table(url: str, table: str | None) -> tuple[Table, str, dict[str, Any],
     except Exception as error:
         engine.close()
         raise InputError(
-            f"missing {name}",
+            "missing table",
             f"{name} has no table {table!r} to read: {hide(one_line(error), url)}",
         ) from None
     return log, f"{name}, table {table}", {"kind": engine.name, "table": table, "url": name}, url
@@ -134,9 +134,9 @@ def choose(place: str, tables: list[str], table: str | None) -> str:
         if len(tables) == 1:
             return tables[0]
         if not tables:
-            raise InputError("empty", f"{place} has no tables: there is nothing to audit")
+            raise InputError("empty database", f"{place} has no tables: there is nothing to audit")
         some = ", ".join(sorted(tables)[:10])
-        raise InputError("format", f"{place} has several tables ({some}): name one")
+        raise InputError("missing table", f"{place} has several tables ({some}): name one")
     if table not in tables:
         raise unknown(f"table of {place}", table, sorted(tables)[:50])
     return table

@@ -149,7 +149,7 @@ def _one(units: list[tuple[str, str]]) -> str | None:
     if len({unit for _, unit in units}) > 1:
         (a, one), (b, other) = units[0], next(pair for pair in units if pair[1] != units[0][1])
         raise InputError(
-            "format columns",
+            "conflict columns",
             f"columns {a!r} and {b!r} are in {one} and in {other}: bring them to one unit",
         )
     return units[0][1] if units else None

@@ -99,7 +99,7 @@ _DECODER = json.JSONDecoder(
 
 def _object(path: Path, number: int, line: bytes) -> dict[str, str | None]:
     def fail(what: str) -> InputError:
-        return InputError("type file", f"{path}, line {number}: {what}")
+        return InputError("format file", f"{path}, line {number}: {what}")
 
     try:
         value = _DECODER.decode(line.decode())

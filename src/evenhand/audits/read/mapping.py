@@ -93,7 +93,7 @@ class Mapping:
             )
         if self.thresholds.late <= 0:
             raise InputError(
-                "format response",
+                "range late",
                 "a response that is late after 0 seconds is always late: give more",
             )
         if self.response_time and (self.asked_at or self.answered_at):
@@ -182,7 +182,7 @@ def limits(
     """
     if not np.isfinite(late) or late < 0:
         raise InputError(
-            "format late", f"late is {late}: give the seconds after which a response is late"
+            "range late", f"late is {late}: give the seconds after which a response is late"
         )
     return Thresholds(nearest, farthest, float(_exact(late) / STEP), risk)
 

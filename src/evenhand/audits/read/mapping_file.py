@@ -49,7 +49,7 @@ def from_toml(path: str | os.PathLike[str]) -> Mapping:
         at.clear()
         return Mapping(**values)
     except InputError as error:
-        raise InputError("type file", f"{path}{_place(text, at)}: {error}") from error
+        raise error.at(f"{path}{_place(text, at)}") from error
 
 
 def _field(key: str, value: Any, at: list[str]) -> Any:
@@ -58,7 +58,7 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
         if isinstance(value, list) and all(isinstance(name, str) for name in value):
             return tuple(value)
         raise InputError(
-            f"format {key}", f'{key} must be a list of columns, as {key} = ["race", "gender"]'
+            f"type {key}", f'{key} must be a list of columns, as {key} = ["race", "gender"]'
         )
     if key == "depth":
         if isinstance(value, int) and not isinstance(value, bool):
@@ -67,7 +67,7 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
     if key == "bins":
         if not isinstance(value, dict):
             raise InputError(
-                "format bins", "bins must be a table of edges, as [bins] and age = [18, 40, 65]"
+                "type bins", "bins must be a table of edges, as [bins] and age = [18, 40, 65]"
             )
         bins = {}
         for name, edges in value.items():
@@ -77,7 +77,7 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
     if key == "thresholds":
         return _limits(value, at)
     if not isinstance(value, str):
-        raise InputError(f"format {key}", f'{key} must be text, as {key} = "..."')
+        raise InputError(f"type {key}", f'{key} must be text, as {key} = "..."')
     return value
 
 
@@ -93,7 +93,7 @@ def _edges(name: str, edges: Any) -> tuple[float, ...]:
 def _limits(value: Any, at: list[str]) -> Thresholds:
     if not isinstance(value, dict):
         raise InputError(
-            "format thresholds", "thresholds must be a table, as [thresholds] and late = 4.0"
+            "type thresholds", "thresholds must be a table, as [thresholds] and late = 4.0"
         )
     for name, number in value.items():
         at[:] = ["thresholds", name]
@@ -101,7 +101,7 @@ def _limits(value: Any, at: list[str]) -> Thresholds:
             raise unknown("threshold", name, ("nearest", "farthest", "late", "risk"))
         if not _number(number):
             raise InputError(
-                "format threshold", f"threshold {name} must be a number, metres or seconds"
+                f"type {name}", f"threshold {name} must be a number, metres or seconds"
             )
     at[:] = ["thresholds"]
     return limits(**{name: float(number) for name, number in value.items()})

@@ -70,9 +70,7 @@ def registered(engine: Engine, at: str, frame: pa.Table, name: str) -> Table:
         engine.con.register(at, frame)
         return _typed(engine.table(at))
     except (duckdb.Error, pa.ArrowException, NotImplementedError) as error:
-        raise InputError(
-            f"unavailable {name}", f"{name} cannot be read: {one_line(error)}"
-        ) from error
+        raise InputError("unavailable log", f"{name} cannot be read: {one_line(error)}") from error
 
 
 Read = tuple[list[Part], int, str]
@@ -172,14 +170,14 @@ def _arrow_stream(path: Path) -> pa.Table:
 
 def _some(parts: list[Part], rows: int, paths: list[Path]) -> Read:
     if not rows:
-        raise InputError("empty", f"{paths[0]} has no rows: there is nothing to audit")
+        raise InputError("empty log", f"{paths[0]} has no rows: there is nothing to audit")
     return parts, rows, ""
 
 
 def damaged(path: Path, kind: str, error: Exception) -> InputError:
     """What is said of a file that is not what it is called."""
     return InputError(
-        "unavailable file",
+        "format file",
         f"{path} cannot be read as {kind}, it is damaged or was cut off: {one_line(error)}",
     )
 

@@ -77,13 +77,13 @@ class Source:
         except duckdb.Error as error:
             self.check_unchanged()
             raise InputError(
-                "unavailable", f"{self.name} cannot be read: {one_line(error)}"
+                "unavailable log", f"{self.name} cannot be read: {one_line(error)}"
             ) from error
         except Exception as error:
             if not self._secret and not databases.complains(error):
                 raise
             detail = databases.hide(one_line(error), self._secret)
-            raise InputError("unavailable", f"{self.name} cannot be read: {detail}") from None
+            raise InputError("unavailable log", f"{self.name} cannot be read: {detail}") from None
 
     def close(self) -> None:
         """Leave a database that was opened by its URL; nothing can be fetched afterwards."""
@@ -101,7 +101,7 @@ class Source:
                 now = path.stat()
             except OSError as error:
                 raise InputError(
-                    "format file", f"{path} went away while it was read: try again"
+                    "changed file", f"{path} went away while it was read: try again"
                 ) from error
             if (now.st_size, now.st_mtime_ns) != (size, written):
                 raise InputError(
@@ -140,17 +140,17 @@ def open_source(source: object, table: str | None = None) -> Source:
         except (pa.ArrowException, TypeError, ValueError) as error:
             if "non-struct type" in str(error):
                 raise InputError(
-                    "format",
+                    "type log",
                     f"{type(source).__name__} is a single column: give a data frame with a column "
                     "of identities and one of responses",
                 ) from error
             raise InputError(
-                "format data",
+                "format log",
                 f"the data frame is no plain table: {one_line(error)}: give each column one type",
             ) from error
         return _from_arrow(frame, "data frame", "data frame")
     raise InputError(
-        "unavailable log",
+        "type log",
         f"a log cannot be read from {type(source).__name__}: give a path, a database URL or a data "
         "frame",
     )
@@ -170,14 +170,15 @@ def check_target(source: str, path: Path) -> None:
         return
     if any(one.exists() and path.samefile(one) for one in _find(source)[0]):
         raise InputError(
-            "changed file", f"{path} is the log itself, which is never changed: choose another name"
+            "conflict file",
+            f"{path} is the log itself, which is never changed: choose another name",
         )
 
 
 def _from_arrow(frame: pa.Table, name: str, kind: str) -> Source:
     check_names(name, tuple(frame.column_names))
     if not frame.num_rows:
-        raise InputError("empty the", f"the {kind} has no rows: there is nothing to audit")
+        raise InputError("empty log", f"the {kind} has no rows: there is nothing to audit")
     table = registered(embedded(), "log", frame, name)
     return Source(
         table,
@@ -193,7 +194,9 @@ def _from_files(text: str, table: str | None) -> Source:
     if kind == "DuckDB":
         return _from_duckdb(paths, table)
     if table is not None:
-        raise InputError("type", f"{text} holds one table: leave out the name {table!r}")
+        raise InputError(
+            "unsupported table", f"{text} holds one table: leave out the name {table!r}"
+        )
     stamps = tuple(_stamp(path) for path in paths)
     size = sum(size for _, size, _ in stamps)
     described = len(paths) == 1 and size <= HASHED
@@ -206,7 +209,7 @@ def _from_files(text: str, table: str | None) -> Source:
         for name in sorted(names ^ set(part.table.columns)):
             lacking, other = (part, parts[0]) if name in names else (parts[0], part)
             raise InputError(
-                "missing",
+                f"missing {name}",
                 f"{lacking.name} has no column {name!r}, which {other.name} has: give files of the "
                 "same columns",
             )
@@ -224,7 +227,7 @@ def _together(parts: Sequence[Part]) -> Table:
         for name, kind in first.kinds.items():
             if part.table.kinds[name] != kind:
                 raise InputError(
-                    "format",
+                    f"conflict {name}",
                     f"{part.name}: column {name!r} holds {part.table.kinds[name].name}, in "
                     f"{parts[0].name} {kind.name}: give files of the same types",
                 )
@@ -239,7 +242,7 @@ def _find(text: str) -> tuple[list[Path], str]:
     if path.is_dir():
         found = [one for one in sorted(path.rglob("*")) if one.is_file() and _shown(one, path)]
         if not found:
-            raise InputError("missing folder", f"folder {text} has no files: give one with a log")
+            raise InputError("empty folder", f"folder {text} has no files: give one with a log")
     elif path.exists():
         found = [path]
     elif glob.has_magic(text):
@@ -247,23 +250,23 @@ def _find(text: str) -> tuple[list[Path], str]:
             Path(one) for one in sorted(glob.glob(text, recursive=True)) if Path(one).is_file()
         ]
         if not found:
-            raise InputError("type file", f"no file is like {text}: check the pattern")
+            raise InputError("missing file", f"no file is like {text}: check the pattern")
     else:
         raise InputError(
-            "missing", f"{text} does not exist: give a file, a folder or the URL of a database"
+            "missing file", f"{text} does not exist: give a file, a folder or the URL of a database"
         )
     kinds: dict[str, Path] = {}
     for one in found:
         kind = KINDS.get(one.suffix.lower())
         if kind is None:
             raise InputError(
-                "unknown", f"{one} is of no known kind: give a file that ends in {_listed()}"
+                "unknown file", f"{one} is of no known kind: give a file that ends in {_listed()}"
             )
         kinds.setdefault(kind, one)
     if len(kinds) > 1:
         (a, one), (b, other) = list(kinds.items())[:2]
         raise InputError(
-            "type",
+            "conflict file",
             f"{text} holds files of several kinds, as {a} ({one.name}) and {b} ({other.name}): "
             "give a pattern such as logs/*.csv",
         )
@@ -302,7 +305,7 @@ def _digest(path: Path) -> str:
 
 def _from_duckdb(paths: list[Path], table: str | None) -> Source:
     if len(paths) > 1:
-        raise InputError("format log", "a log is one DuckDB file: name the file")
+        raise InputError("unsupported log", "a log is one DuckDB file: name the file")
     stamp = _stamp(paths[0])
     try:
         engine = embedded(str(paths[0]), read_only=True)

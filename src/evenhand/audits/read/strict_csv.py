@@ -125,7 +125,7 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
     for name, n in Counter(names).items():
         if n > 1:
             raise InputError(
-                f"conflict {name}",
+                f"duplicate {name}",
                 f"{path}: column {name!r} stands there {n} times: rename or drop one",
             )
     seen: dict[str, str] = {}
@@ -133,7 +133,7 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
         other = seen.setdefault(name.lower(), name)
         if other != name:
             raise InputError(
-                "format file",
+                f"duplicate {name}",
                 f"{path}: only capitals tell the columns {other!r} and {name!r} apart: rename one",
             )
 
@@ -176,7 +176,7 @@ def _header(path: Path, piece: bytes) -> tuple[bytes, tuple[str, ...], str]:
         if isinstance(error, InputError):
             raise
         raise InputError(
-            "unavailable file", f"{path}, row 1: the header cannot be read: {error}"
+            "format file", f"{path}, row 1: the header cannot be read: {error}"
         ) from error
     named = tuple(name.strip() or f"column {i}" for i, name in enumerate(names, 1))
     # an engine that skips the header may take its lines for rows
@@ -352,5 +352,5 @@ def _end(scan: _Scan) -> None:
         scan.rows = scan.blank - 1
     if scan.rows < 2:
         raise InputError(
-            "empty", f"{scan.path} has a header and no rows: there is nothing to audit"
+            "empty file", f"{scan.path} has a header and no rows: there is nothing to audit"
         )

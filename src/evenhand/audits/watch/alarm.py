@@ -121,7 +121,7 @@ def take(state: Watching, batches: Tally) -> Watching:
     """
     if batches.issues != state.issues:
         raise InputError(
-            "format log",
+            "changed log",
             f"the log told {', '.join(state.issues)} before and tells "
             f"{', '.join(batches.issues)} now: begin a new watch",
         )
@@ -131,7 +131,7 @@ def take(state: Watching, batches: Tally) -> Watching:
         n = batches.n[rows]
         if n.sum() != state.settings.batch:
             raise InputError(
-                "format batch", f"a batch has {n.sum()} services in place of {state.settings.batch}"
+                "shape batch", f"a batch has {n.sum()} services in place of {state.settings.batch}"
             )
         # whoever is seen in this batch for the first time, in an order that no later batch changes
         state = _with_groups(

@@ -67,7 +67,7 @@ class TextTail:
                 size = os.fstat(file.fileno()).st_size
                 if size < self.read:
                     raise InputError(
-                        "format file",
+                        "changed file",
                         f"{self.path} became shorter while it was watched: it was cut off or "
                         "replaced, so begin a new watch",
                     )
@@ -186,7 +186,7 @@ class Follower:
         there = int(self.source.fetch(table.query({"n": "count(*)"}))["n"][0].as_py())
         if there < self.seen:
             raise InputError(
-                "changed", f"{self.source.name} lost rows while it was watched: begin anew"
+                "changed log", f"{self.source.name} lost rows while it was watched: begin anew"
             )
         full = min((there - self.seen) // self.batch, MOST) * self.batch
         self.left = there - self.seen - full
@@ -207,13 +207,13 @@ class Follower:
         told = self.source.fetch(rows.query(asked)).to_pylist()[0]
         if told["n"] < n:
             raise InputError(
-                "missing",
+                f"missing {order}",
                 f"{self.source.name}: column {order!r} is missing or the same in several rows: "
                 "order by one that tells all rows apart",
             )
         if self.last is not None and not told["low"] > self.last:
             raise InputError(
-                "duplicate",
+                f"changed {order}",
                 f"{self.source.name}: a row came late, before {order!r} {self.last}, which was "
                 "watched already: order by a column that only grows, and begin anew",
             )
@@ -230,7 +230,7 @@ class Follower:
                 return self._counted(open_source(part), full)
         except InputError as error:
             raise InputError(
-                "format", f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
+                "format row", f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
             ) from None
 
     def _counted(self, log: Source, services: int) -> Tally:
@@ -294,7 +294,7 @@ def _table(log: Source, order: str | None, batch: int, mapping: Mapping) -> Foll
     if "url" in log.description or log.description["kind"] == "DuckDB":
         if order is None:
             raise InputError(
-                "missing",
+                "missing order_by",
                 f"{log.name} has no order of its own: name the column of time with --order-by",
             )
         if order not in log.table.columns:
@@ -305,7 +305,7 @@ def _table(log: Source, order: str | None, batch: int, mapping: Mapping) -> Foll
 def _plain(mapping: Mapping) -> Mapping:
     if mapping.within:
         raise InputError(
-            "duplicate watch", "a watch compares within each batch already: leave out --within"
+            "unsupported within", "a watch compares within each batch already: leave out --within"
         )
     return mapping
 
@@ -319,4 +319,4 @@ def _apart(path: Path, content: bytes) -> Iterator[Path]:
         try:
             yield part
         except InputError as error:
-            raise InputError("format", str(error).replace(str(part), str(path))) from None
+            raise InputError("format file", str(error).replace(str(part), str(path))) from None

@@ -54,7 +54,7 @@ def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
     n = ordered.shape[-1]
     if n == 0 or not np.isfinite(ordered).all():
         raise InputError(
-            "missing interquartile",
+            "range values",
             "an interquartile mean needs finite values: leave out what is missing",
         )
     place = np.arange(n)
@@ -192,7 +192,7 @@ def hypervolume(points: np.ndarray, worst: tuple[float, float]) -> float:
     points = np.asarray(points, float)
     if len(points) and (points.shape[1:] != (2,) or not np.isfinite(points).all()):
         raise InputError(
-            "missing hypervolume",
+            "range points",
             "a hypervolume needs pairs of finite numbers: leave out what is missing",
         )
     area, reached = 0.0, worst[1]

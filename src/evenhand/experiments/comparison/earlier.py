@@ -51,7 +51,7 @@ def load(
     """
     if not table.is_file():
         raise InputError(
-            "format file", f"{table} is no file: give results.csv of an earlier comparison"
+            "missing file", f"{table} is no file: give results.csv of an earlier comparison"
         )
     noted = _manifest(manifest_of(table))
     then = {name: noted["settings"].get(name) for name in ("epochs", "services")}
@@ -73,7 +73,7 @@ def load(
         results[cell][metric] = value
     if not results:
         raise InputError(
-            "missing file", f"{table} holds no runs: leave it out, or give another table"
+            "empty file", f"{table} holds no runs: leave it out, or give another table"
         )
     for cell, numbers in results.items():
         lacking = [name for name in METRICS if name not in numbers]
@@ -115,7 +115,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     for name in ("settings", "fingerprints", "worlds"):
         if not isinstance(noted.get(name, {}), dict):
             raise InputError(
-                "format file",
+                f"type {name}",
                 f"{path}: {name} is {noted[name]!r}, and has to be a record: restore the file",
             )
     return noted
@@ -158,7 +158,7 @@ def _parsed(row: dict[str, str], where: str) -> tuple[Cell, str, float | None]:
     if None in row or None in row.values():
         raise InputError("format file", f"{where}: give {len(RESULTS)} columns")
     if row["metric"] not in METRICS:
-        raise InputError("unknown file", f"{where}: unknown metric {row['metric']!r}")
+        raise InputError("unknown metric", f"{where}: unknown metric {row['metric']!r}")
     try:
         seed = int(row["seed"])
         value = float(row["value"]) if row["value"] else None
@@ -171,5 +171,5 @@ def _parsed(row: dict[str, str], where: str) -> tuple[Cell, str, float | None]:
     try:
         cell = checked(Cell(row["scenario"], row["algorithm"], row["arm"], seed))
     except InputError as error:
-        raise InputError("format file", f"{where}: {error}") from None
+        raise error.at(where) from None
     return cell, row["metric"], value

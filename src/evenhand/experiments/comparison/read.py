@@ -165,13 +165,13 @@ def read(folder: Path) -> Comparison:
     for field, kind in _MANIFEST.items():
         if not isinstance(manifest[field], kind):
             raise InputError(
-                f"format {field}",
+                f"type {field}",
                 f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type",
             )
     for field in _NUMBERS:
         if not isinstance(manifest["settings"].get(field), int):
             raise InputError(
-                "range file", f"{path}: settings need a whole number of {field}; run it again"
+                f"type {field}", f"{path}: settings need a whole number of {field}; run it again"
             )
     tables = {
         name: read_table(folder / f"{name}.csv", schema, _KEYS[name])

@@ -41,11 +41,11 @@ def method_of(arm: str) -> tuple[str, float | None]:
     name, mark, text = arm.partition("@")
     if name in CONTROLS:
         if mark:
-            raise InputError("conflict", f"{arm}: {name} has no strength, drop @{text}")
+            raise InputError(f"unsupported {arm}", f"{arm}: {name} has no strength, drop @{text}")
         return name, None
     if name not in registry.names():
         hint = unknown("arm", name, (*CONTROLS, *registry.names()))
-        raise InputError("format", f"{hint}; the file of an own method is named by --plugin")
+        raise InputError("unknown arm", f"{hint}; the file of an own method is named by --plugin")
     return registry.parted(arm)
 
 
@@ -138,14 +138,14 @@ class CompareSettings:
             names = getattr(self, kind)
             one = kind.removesuffix("s")
             if not names:
-                raise InputError("missing no", f"no {one} is given: name at least one")
+                raise InputError(f"missing {one}", f"no {one} is given: name at least one")
             if kind in one_way:
                 names = tuple(one_way[kind](name) for name in names)
                 object.__setattr__(self, kind, names)
             alike = tuple(map(plain, names)) if kind == "arms" else names
             if len(set(alike)) < len(alike):
                 raise InputError(
-                    "duplicate entry", f"an entry of {kind} is given twice: {', '.join(alike)}"
+                    f"duplicate {kind}", f"an entry of {kind} is given twice: {', '.join(alike)}"
                 )
         for name in self.algorithms:
             if name not in ALGORITHMS:

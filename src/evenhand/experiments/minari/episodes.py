@@ -56,7 +56,7 @@ def trained(state: LearnerState, settings: TrainSettings, population: str | None
     world = settings.elsewhere(None, population)
     if world.missed or world.shares or world.groups != people.GROUPS:
         raise InputError(
-            "format people",
+            "unsupported scenario",
             f"people of scenario {settings.scenario!r} are its own, and a dataset is made by the "
             "Gymnasium environment, which knows the paper's five identities only: choose a run in "
             "another scenario",

@@ -143,7 +143,7 @@ def choose(served: Mapping[str, Footage], scenes: Sequence[Scene] = SCENES) -> l
         pairs = _pairs(one, served[one.robot], served["even"], visible)
         if len(pairs) < TRIPLES:
             raise InputError(
-                "missing scenario",
+                "empty seed",
                 f"scenario {one.number} needs {TRIPLES} services that show {one.issue}, and "
                 f"{len(pairs)} do: give another --seed",
             )

@@ -199,7 +199,7 @@ def _whole(name: str, value: Any, span: tuple[int, int]) -> int:
 
 def _text(kind: str, value: Any) -> str:
     if not isinstance(value, str):
-        raise InputError(f"format {kind}", f'{kind} is {value!r}: give a name, in quotes "..."')
+        raise InputError(f"type {kind}", f'{kind} is {value!r}: give a name, in quotes "..."')
     return value
 
 
@@ -242,11 +242,11 @@ def _setting(key: str, value: Any) -> Value:
     if isinstance(default, bool):
         if not isinstance(value, bool):
             raise InputError(
-                f"format {key}", f"{key} is {value!r}: give true or false, without quotes"
+                f"type {key}", f"{key} is {value!r}: give true or false, without quotes"
             )
     elif isinstance(default, int):
         if not number or not isinstance(value, int):
-            raise InputError(f"range {key}", f"{key} is {value!r}: give a whole number")
+            raise InputError(f"type {key}", f"{key} is {value!r}: give a whole number")
     elif isinstance(default, str):
         _text(key, value)
     elif isinstance(default, tuple):

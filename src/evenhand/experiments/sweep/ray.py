@@ -65,7 +65,9 @@ def connected(address: str) -> Iterator[RayCluster]:
         logging.getLogger("ray").setLevel(logging.CRITICAL)  # we say what was lost
     except (ConnectionError, RuntimeError, TimeoutError, ValueError) as error:
         ray.shutdown()
-        raise InputError("format", f"{_unusable(address)} ({_first(error)}): {_REMEDY}") from error
+        raise InputError(
+            "unavailable ray", f"{_unusable(address)} ({_first(error)}): {_REMEDY}"
+        ) from error
     try:
         versions = run_folder.versions()
         _check_machines(versions)
@@ -101,7 +103,7 @@ def _knock(address: str) -> None:
     except OSError as error:
         reason = error.strerror or str(error)
         raise InputError(
-            "format nothing", f"nothing answers at {address} ({reason}): {_REMEDY}"
+            "unavailable ray", f"nothing answers at {address} ({reason}): {_REMEDY}"
         ) from error
 
 
@@ -114,7 +116,9 @@ def _check_answer(address: str) -> None:
     except subprocess.TimeoutExpired:
         said = "it does not answer as Ray does"
     if said:
-        raise InputError("format", f"{_unusable(address)} ({said[:200].rstrip('.')}): {_REMEDY}")
+        raise InputError(
+            "unavailable ray", f"{_unusable(address)} ({said[:200].rstrip('.')}): {_REMEDY}"
+        )
 
 
 def _check_machines(versions: dict[str, str]) -> None:

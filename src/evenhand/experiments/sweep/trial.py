@@ -63,7 +63,7 @@ def _performed(
     try:
         differs = files.differences(run_folder.versions(), versions)
         if differs:  # a machine that came later
-            raise InputError("changed this", f"this machine has other versions ({differs})")
+            raise InputError("changed machine", f"this machine has other versions ({differs})")
         load_texts(plugins)
         number, held = ray.get(keeper.begin.remote(str(job.path)))
         carrier = Carrier(

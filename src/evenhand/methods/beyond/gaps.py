@@ -102,7 +102,7 @@ def checked_tau(x: np.ndarray, tau: Sequence[float] | np.ndarray) -> np.ndarray:
     weights = np.asarray(tau, float)
     if weights.shape != np.shape(x)[-1:] or not np.isfinite(weights).all() or (weights < 0).any():
         raise InputError(
-            "shape tau",
+            "range tau",
             f"tau is {tau}: give {np.shape(x)[-1]} finite numbers of at least 0, one an issue",
         )
     return weights
@@ -118,7 +118,7 @@ def checked_counts(
     """
     if x.ndim != 2 or inside.ndim != 2 or len(x) != len(inside):
         raise InputError(
-            "conflict issues",
+            "shape issues",
             f"issues {x.shape} and membership {inside.shape} do not fit: give one row a service",
         )
     now = count(x, inside)
@@ -132,6 +132,6 @@ def checked_counts(
         )
     if (counts.inside_n < now.inside_n).any() or (counts.outside_n < now.outside_n).any():
         raise InputError(
-            "format pooled", "pooled counts hold fewer services than the epoch: pool it as well"
+            "range pooled", "pooled counts hold fewer services than the epoch: pool it as well"
         )
     return counts, now

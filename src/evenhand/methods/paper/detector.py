@@ -112,7 +112,7 @@ class Detector:
         _check("kind_bias", self.kind_bias, len(self.kinds))
         if len(self.kind_weights) != len(self.kinds):
             raise InputError(
-                "format kind_weights",
+                "shape kind_weights",
                 f"field 'kind_weights' has {len(self.kind_weights)} rows for "
                 f"{len(self.kinds)} kinds: give one row a kind",
             )
@@ -132,13 +132,13 @@ class Detector:
         kept = np.array(self.components)
         if np.abs(kept @ kept.T - np.eye(n_kept)).max() > 1e-6:
             raise InputError(
-                "shape components",
+                "format components",
                 "field 'components' does not hold rows of length 1 at right angles, "
                 "as a PCA gives them: a number is wrong",
             )
         if self.rows < 1:
             raise InputError(
-                "format rows", f"field 'rows' is {self.rows}: a detector is fitted to judgements"
+                "range rows", f"field 'rows' is {self.rows}: a detector is fitted to judgements"
             )
         if self.source not in SOURCES:
             raise unknown("source of judgements", self.source, SOURCES)
@@ -236,14 +236,14 @@ class Detector:
             vectors = [checked_scores(v, self.issues) for v in by_identity.values()]
             if len({v.shape for v in vectors}) > 1:
                 raise InputError(
-                    "shape identities", "the identities of a window have scores of different shapes"
+                    "shape scores", "the identities of a window have scores of different shapes"
                 )
             scores = np.stack(vectors, axis=-2) if vectors else np.empty((0, len(self.issues)))
         else:
             scores = checked_scores(by_identity, self.issues)
         if scores.ndim < 2 or scores.shape[-2] == 0:
             raise InputError(
-                "missing window", "a window needs the issue scores of at least one identity"
+                "empty window", "a window needs the issue scores of at least one identity"
             )
         probability = self.probability(scores)
         biased = np.asarray((probability > self.threshold).any(axis=-1))
@@ -297,18 +297,20 @@ def fit(
     scores, y, names = checked_judgements(issue_scores, biased, kinds, tuple(issues))
     if np.ptp(scores, axis=0).max() == 0:
         raise InputError(
-            "format all", "all judged windows have the same issue scores: nothing can be learned"
+            "empty scores", "all judged windows have the same issue scores: nothing can be learned"
         )
     for issue, spread in zip(issues, scores.std(axis=0), strict=True):
         if 0 < spread < SMALLEST_SCALE:
             raise InputError(
-                "format scores",
+                "empty scores",
                 f"the scores of {issue!r} hardly differ in the judged windows (standard deviation "
                 f"{spread:.0e}): round them, or leave the issue out",
             )
     n_kept = min(COMPONENTS, scores.shape[1])
     if len(scores) < n_kept:
-        raise InputError("range", f"{len(scores)} judgements are too few: give at least {n_kept}")
+        raise InputError(
+            "range judgements", f"{len(scores)} judgements are too few: give at least {n_kept}"
+        )
     scaler = StandardScaler().fit(scores)
     pca = PCA(n_kept, svd_solver="full").fit(scaler.transform(scores))
     projected = pca.transform(scaler.transform(scores))

@@ -56,7 +56,7 @@ def membership(table: Services) -> Membership:
         groups += [(name, category) for category in categories]
     if not columns:
         raise InputError(
-            "missing there", "there are no identities: a disparity needs groups to compare"
+            "missing identities", "there are no identities: a disparity needs groups to compare"
         )
     return Membership(np.concatenate(columns, axis=1), tuple(groups))
 

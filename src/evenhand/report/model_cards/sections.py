@@ -47,7 +47,7 @@ class Said:
             raise InputError("empty name", "the name of the card is empty: give the model a name")
         if self.licence is not None and not _LICENCE.fullmatch(self.licence):
             raise InputError(
-                "format licence",
+                "unknown licence",
                 f"licence is {self.licence!r}: give its identifier as Hugging Face spells it, such "
                 "as apache-2.0",
             )

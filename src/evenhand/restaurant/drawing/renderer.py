@@ -78,7 +78,7 @@ class Screen:
         ):
             if not 1 <= value <= most:
                 raise InputError(
-                    f"format {name}", f"{name} of the picture is {value}: give 1 to {most} pixels"
+                    f"range {name}", f"{name} of the picture is {value}: give 1 to {most} pixels"
                 )
         self.camera, self.width, self.height = camera, width, height
         self._model = copy.copy(model or dressing.model())
@@ -288,7 +288,7 @@ class Screen:
         _opengl().check()
         if threading.current_thread() is not self._thread:
             raise InputError(
-                "unsupported renderer",
+                "unsupported thread",
                 f"the renderer belongs to thread {self._thread.name!r}, which made it with its "
                 f"first picture, and {threading.current_thread().name!r} cannot use it: draw and "
                 "close there, or make an environment for each thread",
@@ -334,7 +334,7 @@ def _through_opengl(do: Callable[[], T]) -> T:
             # whoever imports MuJoCo next must not stumble over a choice that does not work
             os.environ.pop("MUJOCO_GL", None)
         raise InputError(
-            "unavailable this",
+            "unavailable opengl",
             "this machine cannot draw pictures, for OpenGL does not start: install the Debian "
             "packages libegl1 libegl-mesa0 libgl1-mesa-dri, and leave MUJOCO_GL unset or set it "
             "to egl",

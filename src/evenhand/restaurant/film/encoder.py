@@ -37,7 +37,7 @@ def ffmpeg() -> str:
         return imageio_ffmpeg.get_ffmpeg_exe()
     except RuntimeError as error:
         raise InputError(
-            "missing clip", f"a clip needs ffmpeg: {extras.install('film')}"
+            "unavailable ffmpeg", f"a clip needs ffmpeg: {extras.install('film')}"
         ) from error
 
 
@@ -107,7 +107,9 @@ def _encode(
                 pipe.close()
         if code:
             said.seek(0)
-            raise InputError("format", _reason(target, code, said.read().decode(errors="replace")))
+            raise InputError(
+                "unavailable file", _reason(target, code, said.read().decode(errors="replace"))
+            )
     return count, digest.hexdigest()
 
 

@@ -54,7 +54,7 @@ def write(
     """
     if not 1 <= len(recording) <= services.MOST:
         raise InputError(
-            "format",
+            "range services",
             f"{len(recording)} services are to be replayed: name 1 to {services.MOST} of them",
         )
     script = read_script()
@@ -74,7 +74,7 @@ def read_script() -> str:
         return SCRIPT.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(
-            "missing this",
+            "unavailable script",
             "this copy of Evenhand lacks the script of its replay page "
             "(restaurant/replay/static/replay.js): run `python frontend/build.py` in the checkout, "
             "or `make`, or install a released wheel",

@@ -46,14 +46,14 @@ def choose(table: Services, epoch: int | None = None) -> list[int]:
         InputError: when there is no such epoch, or no service at all.
     """
     if not len(table):
-        raise InputError("missing service", "there is no service to replay")
+        raise InputError("empty services", "there is no service to replay")
     number = table.fact("service").astype(np.int64)
     if epoch is not None:
         epochs = table.fact("epoch")
         rows = np.flatnonzero(epochs == epoch)
         if not len(rows):
             raise InputError(
-                "missing epoch",
+                "range epoch",
                 f"there is no epoch {epoch}: the run has epochs {np.nanmin(epochs):.0f} to "
                 f"{np.nanmax(epochs):.0f}",
             )

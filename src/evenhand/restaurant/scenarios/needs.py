@@ -42,9 +42,7 @@ class NeedSettings:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.strength <= 1.0:
-            raise InputError(
-                "missing strength", f"strength of needs is {self.strength}: give 0 to 1"
-            )
+            raise InputError("range needs", f"strength of needs is {self.strength}: give 0 to 1")
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ class Recording:
         if not len(found):
             held = f"{self.number.min()} to {self.number.max()}" if len(self) else "none"
             raise InputError(
-                "type service", f"service {number} was not recorded: there are services {held}"
+                "missing service", f"service {number} was not recorded: there are services {held}"
             )
         return int(found[0])
 

@@ -52,7 +52,7 @@ class TaskSettings:
     def __post_init__(self) -> None:
         if not 1 <= self.interval <= 60 or floor_plan.MAX_STEPS % self.interval:
             raise InputError(
-                "type interval",
+                "range interval",
                 f"interval is {self.interval}: a decision is taken every 1 to 60 physics steps, "
                 f"and the number must divide {floor_plan.MAX_STEPS}",
             )

@@ -193,6 +193,6 @@ def _checked(
     points = np.arange(width) if values is None else np.asarray(values, dtype=np.float64)
     if points.shape != (width,):
         raise InputError(
-            "format there", f"there are {points.size} values for {width} columns of counts"
+            "shape values", f"there are {points.size} values for {width} columns of counts"
         )
     return n_uc, points.astype(np.float64)

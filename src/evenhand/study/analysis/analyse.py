@@ -133,13 +133,13 @@ def analyse(
     kept = answers.where(pc.invert(preview))
     if not len(kept):
         more = f" but those of {previews} previews" if previews else ""
-        raise InputError("empty there", f"there are no answers{more}: nothing to analyse")
+        raise InputError("empty answers", f"there are no answers{more}: nothing to analyse")
     plan = study or infer_protocol.study_of(kept)
     known = {one.id for one in (*plan.questions, *plan.demographics, *plan.checks)}
     asked = set(pc.unique(kept.table["question"]).to_pylist())
     if not asked & known:
         raise InputError(
-            "format answer",
+            "changed answers",
             f"no answer is to a question of the study {plan.name!r}: give the protocol that the "
             "answers belong to",
         )

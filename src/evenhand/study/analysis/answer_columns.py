@@ -65,7 +65,7 @@ def check_names(names: list[str]) -> None:
             )
     for name in names:
         if name not in COLUMNS:
-            raise InputError("unknown", str(unknown("column", name, COLUMNS)))
+            raise InputError("unknown column", str(unknown("column", name, COLUMNS)))
 
 
 def checked(table: pa.Table) -> pa.Table:
@@ -80,7 +80,7 @@ def checked(table: pa.Table) -> pa.Table:
         cells = table[field.name].combine_chunks()
         if cells.type != field.type:
             raise InputError(
-                "format column", f"column {field.name!r} holds {cells.type}, not {field.type}"
+                f"type {field.name}", f"column {field.name!r} holds {cells.type}, not {field.type}"
             )
         nothing = pa.scalar(None, field.type)
         if pa.types.is_string(field.type):
@@ -90,14 +90,14 @@ def checked(table: pa.Table) -> pa.Table:
         if not field.nullable and cells.null_count:
             row = pc.index(pc.is_null(cells), True).as_py()
             raise InputError(
-                "empty row", f"row {row + 1}, column {field.name!r}: the cell is empty"
+                f"empty {field.name}", f"row {row + 1}, column {field.name!r}: the cell is empty"
             )
         if pa.types.is_integer(field.type):
             wrong = pc.or_(pc.less(cells, 0), pc.greater(cells, LARGEST))
             if pc.any(wrong).as_py():
                 row = pc.index(wrong, True).as_py()
                 raise InputError(
-                    "range row",
+                    f"range {field.name}",
                     f"row {row + 1}, column {field.name!r}: {cells[row]} is not a whole number "
                     f"from 0 to {LARGEST}",
                 )
@@ -106,14 +106,16 @@ def checked(table: pa.Table) -> pa.Table:
             if not pc.all(known, min_count=0).as_py():
                 row = pc.index(known, False).as_py()
                 wrong = unknown(field.name, cells[row].as_py(), _CHOICES[field.name])
-                raise InputError("format row", f"row {row + 1}, column {field.name!r}: {wrong}")
+                raise InputError(
+                    f"format {field.name}", f"row {row + 1}, column {field.name!r}: {wrong}"
+                )
         columns.append(cells)
     checked = pa.Table.from_arrays(columns, schema=LOOSE)
     lacking = pc.and_(pc.is_in(checked["kind"], pa.array(ABOUT_ITEMS)), pc.is_null(checked["item"]))
     if pc.any(lacking).as_py():
         row = pc.index(lacking, True).as_py()
         raise InputError(
-            "empty row",
+            "empty item",
             f"row {row + 1}, column 'item': the cell is empty: name the {checked['kind'][row]}",
         )
     _check_people(checked)
@@ -125,7 +127,7 @@ def _check_people(table: pa.Table) -> None:
     if pc.any(pc.greater(kinds["simulated_count_distinct"], 1)).as_py():
         row = pc.index(pc.greater(kinds["simulated_count_distinct"], 1), True).as_py()
         raise InputError(
-            "format participant",
+            "conflict participant",
             f"participant {kinds['participant'][row]} is simulated in some rows and not in others: "
             "simulated answers stay so for ever, export them again",
         )

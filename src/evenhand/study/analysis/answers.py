@@ -79,7 +79,7 @@ class Answers:
                 arrays.append(pa.array(values, field.type))
             except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
                 row = next(i for i, value in enumerate(values) if not fits(value, field.type))
-                raise InputError("format", misfit(row, field, values[row])) from None
+                raise InputError("format row", misfit(row, field, values[row])) from None
         return cls(pa.Table.from_arrays(arrays, schema=LOOSE))
 
     def where(self, mask: Any) -> Answers:
@@ -116,10 +116,10 @@ def read(path: str | Path) -> Answers:
     try:
         return Answers(reader(path))
     except InputError as error:
-        raise InputError("format answers", f"answers file {path}: {error}") from error
+        raise error.at(f"answers file {path}") from error
     except OSError as error:
         raise InputError(
-            "format cannot", f"cannot read answers file {path}: {error.strerror or error}"
+            "unavailable file", f"cannot read answers file {path}: {error.strerror or error}"
         ) from error
 
 
@@ -149,7 +149,7 @@ def check_ending(path: Path) -> None:
     """Check that a path ends as a file of answers does."""
     if path.suffix not in ENDINGS:
         raise InputError(
-            "format file",
+            "unknown file",
             f"{path} is no file of answers: it has to end in {', '.join(ENDINGS[:-1])} or "
             f"{ENDINGS[-1]}",
         )
@@ -192,10 +192,10 @@ def _read_csv(path: Path) -> pa.Table:
         )
     except pa.ArrowInvalid as error:
         raise InputError(
-            "format it", f"it is no CSV file of answers: {_first_line(error)}"
+            "format file", f"it is no CSV file of answers: {_first_line(error)}"
         ) from error
     if len(table.column_names) == 1 and ";" in table.column_names[0]:
-        raise InputError("format its", "its columns are parted by ';': save it with commas")
+        raise InputError("format file", "its columns are parted by ';': save it with commas")
     check_names(table.column_names)
     columns = []
     for name in table.column_names:
@@ -222,27 +222,27 @@ def _parsed(cells: Any, field: pa.Field) -> Any:
             try:
                 pa.array([cell], pa.string()).cast(field.type)
             except pa.ArrowInvalid:
-                raise InputError("format", misfit(row, field, cell)) from None
+                raise InputError("format row", misfit(row, field, cell)) from None
         raise
 
 
 def _read_json(path: Path) -> pa.Table:
     content = files.read_json(path)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError("missing it", f"it holds no answers: field 'format' must be {FORMAT!r}")
+        raise InputError("format format", f"it holds no answers: field 'format' must be {FORMAT!r}")
     if content.get("version") != VERSION:
         raise InputError(
-            "changed it",
+            "changed version",
             f"it has version {content.get('version')!r}, but this Evenhand reads {VERSION}: "
             "export the answers again",
         )
     rows = content.get("answers")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise InputError("format answers", "field 'answers' must be a list of rows, an object each")
+        raise InputError("type answers", "field 'answers' must be a list of rows, an object each")
     for number, row in enumerate(rows, 1):
         if not row.keys() <= set(COLUMNS):
             name = next(name for name in row if name not in COLUMNS)
-            raise InputError("unknown row", f"row {number}: {unknown('column', name, COLUMNS)}")
+            raise InputError("unknown column", f"row {number}: {unknown('column', name, COLUMNS)}")
     return Answers.of_rows(rows).table
 
 
@@ -250,7 +250,7 @@ def _read_parquet(path: Path) -> pa.Table:
     try:
         table = pq.read_table(path)
     except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
-        raise InputError("format it", f"it is no Parquet file: {_first_line(error)}") from error
+        raise InputError("format file", f"it is no Parquet file: {_first_line(error)}") from error
     check_names(table.column_names)
     for place, name in enumerate(table.column_names):
         field = SCHEMA.field(name)
@@ -258,7 +258,7 @@ def _read_parquet(path: Path) -> pa.Table:
             table = table.set_column(place, name, table[name].cast(field.type))
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
             raise InputError(
-                f"missing {name}",
+                f"type {name}",
                 f"column {name!r} holds {table[name].type} where {field.type} is needed",
             ) from None
     return table

@@ -51,7 +51,7 @@ def check_codebook(path: Path, study: Protocol) -> None:
         there = noted and (noted["name"], noted["fingerprint"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            "format",
+            "format codebook",
             f"{beside} is no codebook of `evenhand study export`: move it away, or export again",
         ) from None
     if there and there != (study.name, study.fingerprint()):
@@ -95,16 +95,17 @@ def _check_scale(asked: pa.Table, question: Question) -> None:
     if wrong.any():
         row = int(np.argmax(wrong))
         raise InputError(
-            "format",
+            f"range {question.id}",
             f"{_place(asked, row)}: {number[row]:g} is no point of the scale of 1 to "
-            f"{question.points} of question {question.id!r}: give the protocol of these answers",
+            f"{question.points} of question {question.id!r}: "
+            "is this the protocol of these answers?",
         )
     said = asked["value"].to_pylist()
     for row, (text, point) in enumerate(zip(said, number, strict=True)):
         if text is not None and not _same(text, point):
             shown = "is empty" if np.isnan(point) else f"says {point:g}"
             raise InputError(
-                "type",
+                f"type {question.id}",
                 f"{_place(asked, row)}: the value of question {question.id!r} says {text[:40]!r} "
                 f"and its number {shown}: correct one of them",
             )
@@ -127,7 +128,7 @@ def _check_options(asked: pa.Table, question: str, options: Iterable[str], sever
                 guess = nearest(part, known)
                 meant = f" (is it {guess!r}?)" if guess else ""
                 raise InputError(
-                    "format",
+                    f"unknown {question}",
                     f"{_place(asked, row)}: {part[:40]!r} is no option of question "
                     f"{question!r}{meant}: is this the protocol of these answers?",
                 )

@@ -114,7 +114,7 @@ def chosen(answers: Answers, who: Who | None) -> Answers:
     people = answers.where(pc.invert(simulated))
     if who is None and len(people) and len(programs):
         raise InputError(
-            "conflict answers",
+            "conflict participants",
             f"the answers are of {len(people.participants)} people and "
             f"{len(programs.participants)} simulated participants: choose with --who people, "
             "simulated or both",
@@ -122,7 +122,7 @@ def chosen(answers: Answers, who: Who | None) -> Answers:
     found = {"people": people, "simulated": programs}.get(who or "both", answers)
     if not len(found):
         raise InputError(
-            "empty there", f"there are no answers of {who or 'anybody'}: nothing to fit to"
+            "empty answers", f"there are no answers of {who or 'anybody'}: nothing to fit to"
         )
     return found
 
@@ -136,7 +136,7 @@ def judgements(answers: Answers, study: Protocol) -> Judgements:
     """
     if not any(one.scores for one in study.sets):
         raise InputError(
-            "format study",
+            "missing scores",
             f"study {study.name!r} states no issue scores of any robot: add scores to its [[sets]]",
         )
     check_answers.check(answers, study)
@@ -145,7 +145,9 @@ def judgements(answers: Answers, study: Protocol) -> Judgements:
     scored = np.array([bool(one.scores) for one in study.sets])
     who, item = np.nonzero(known & scored)
     if not len(who):
-        raise InputError("empty set", "no set whose robot has scores was judged: nothing to fit to")
+        raise InputError(
+            "empty answers", "no set whose robot has scores was judged: nothing to fit to"
+        )
     vectors = np.full((len(study.sets), 4), np.nan)
     for s, one in enumerate(study.sets):
         if one.scores:
@@ -187,12 +189,13 @@ def fit(answers: Answers, study: Protocol, seed: int = 0) -> Fitted:
     n, unfair = len(data.biased), int(data.biased.sum())
     if n < LEAST:
         raise InputError(
-            "range", f"{n} judgements are too few to fit a detector to: {LEAST} are needed at least"
+            "range judgements",
+            f"{n} judgements are too few to fit a detector to: {LEAST} are needed at least",
         )
     if unfair in (0, n):
         only = "biased" if unfair else "not biased"
         raise InputError(
-            "conflict all",
+            "empty judgements",
             f"all {n} judgements say {only}: a detector needs examples of both, so add "
             f"{'even controls' if unfair else 'scenarios'} to the study",
         )

@@ -56,7 +56,9 @@ class Limits:
     def __post_init__(self) -> None:
         for field in fields(self):
             if not np.isfinite(getattr(self, field.name)):
-                raise InputError("format limit", f"limit {field.name!r} is not a number: give one")
+                raise InputError(
+                    f"type {field.name}", f"limit {field.name!r} is not a number: give one"
+                )
 
     def said(self) -> dict[str, str]:
         """Every flag in words."""

@@ -35,7 +35,7 @@ def address(db: str) -> URL:
     if url.drivername == "sqlite":
         return url
     raise InputError(
-        "type db",
+        "unknown db",
         f"--db names a database of kind {url.drivername!r}: give the name of an SQLite file, or "
         "postgresql://user:password@host/name",
     )
@@ -84,7 +84,8 @@ def engine(url: URL, wait: float = WAIT, connections: int = 8) -> Engine:
         )
     except (ImportError, NoSuchModuleError):
         raise InputError(
-            "missing", f"PostgreSQL needs its driver: {extras.install('study', 'postgres')}"
+            "unavailable postgresql",
+            f"PostgreSQL needs its driver: {extras.install('study', 'postgres')}",
         ) from None
 
 

@@ -54,10 +54,12 @@ def write(
             there = read_note(connection, "study")
             print_ = read_note(connection, "fingerprint")
         if there != study.name:
-            raise InputError("type", f"{store.name} holds the study {there!r}, not {study.name!r}")
+            raise InputError(
+                "conflict study", f"{store.name} holds the study {there!r}, not {study.name!r}"
+            )
         if print_ != study.fingerprint():
             raise InputError(
-                "changed",
+                "changed study",
                 f"{store.name} holds answers to {study.name!r} as it was before its questions, "
                 "sets or consent were changed: give the file that was served",
             )
@@ -65,7 +67,7 @@ def write(
         table = answers.Answers.of_rows(found)
         ids = _external(store, previews) if external_ids else ""
     except StorageError as error:
-        raise InputError("format", f"{error}: try again") from error
+        raise InputError("unavailable database", f"{error}: try again") from error
     for path in paths:
         answers.write(table, path)
     about = paths[0].with_suffix(".codebook.json")

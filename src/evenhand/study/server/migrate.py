@@ -23,7 +23,7 @@ def version(connection: Connection) -> int | None:
     found = connection.scalar(select(schema.about.c.value).where(schema.about.c.key == "version"))
     if found is None or not found.isdigit():
         raise InputError(
-            "changed database",
+            "missing database",
             f"the database has a table {schema.about.name} without a version: it is damaged, "
             "restore a backup or give another --db",
         )
@@ -38,14 +38,14 @@ def check(found: int, name: str) -> None:
     """
     if found > schema.VERSION:
         raise InputError(
-            f"changed {name}",
+            "changed database",
             f"{name} was written by a newer Evenhand (tables of version {found}, this one knows "
             f"{schema.VERSION}): update Evenhand or give another --db",
         )
     missing = [one for one in range(found, schema.VERSION) if one not in STEPS]
     if missing:
         raise InputError(
-            f"changed {name}",
+            "changed database",
             f"{name} has tables of version {found}, which this Evenhand can no longer bring up to "
             "date: use an older one first",
         )

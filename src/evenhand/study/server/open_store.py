@@ -53,11 +53,14 @@ def open_store(
     except StorageError as error:
         store.dispose()
         raise InputError(
-            "format", f"{error}: see that it can be reached and written, and has space"
+            "unavailable database",
+            f"{error}: see that it can be reached and written, and has space",
         ) from None
     except DBAPIError as error:
         store.dispose()
-        raise InputError("unsupported", f"{store.name} cannot be used: {error.orig}") from None
+        raise InputError(
+            "unavailable database", f"{store.name} cannot be used: {error.orig}"
+        ) from None
     except InputError:
         store.dispose()
         raise
@@ -69,18 +72,18 @@ def _check_file(file: Path, make: bool) -> None:
         if make and file.parent.is_dir():
             return
         raise InputError(
-            "missing file", f"{file} does not exist: give the database of a study with --db"
+            "missing db", f"{file} does not exist: give the database of a study with --db"
         )
     try:
         with file.open("r+b") as opened:
             head = opened.read(16)
     except OSError as error:
         raise InputError(
-            "unavailable file",
+            "unavailable db",
             f"{file} cannot be written ({error.strerror or error}): give another --db",
         ) from error
     if head not in (b"", b"SQLite format 3\x00"):
-        raise InputError("format file", f"{file} is no SQLite database: give another --db")
+        raise InputError("format db", f"{file} is no SQLite database: give another --db")
 
 
 def _write_ahead(store: Store) -> None:
@@ -89,7 +92,8 @@ def _write_ahead(store: Store) -> None:
         mode = raw.execute("PRAGMA journal_mode=WAL").fetchone()[0]
     if mode != "wal":
         raise InputError(
-            "unavailable", f"{store.name} lies where SQLite cannot write ahead: give another --db"
+            "unavailable db",
+            f"{store.name} lies where SQLite cannot write ahead: give another --db",
         )
 
 
@@ -99,7 +103,7 @@ def _tables(store: Store, file: Path | None, make: bool) -> None:
         found = migrate.version(connection)
         if found is None:
             if not make:
-                raise InputError("missing", f"{store.name} holds no study: give another --db")
+                raise InputError("empty db", f"{store.name} holds no study: give another --db")
             schema.metadata.create_all(connection)
             write_note(connection, "version", str(schema.VERSION))
             return
@@ -118,7 +122,7 @@ def _bind(connection: Connection, study: Protocol, name: str) -> None:
     there, print_ = read_note(connection, "study"), read_note(connection, "fingerprint")
     if there not in (None, study.name):
         raise InputError(
-            f"format {name}",
+            "conflict db",
             f"{name} belongs to the study {there!r}, not to {study.name!r}: give another --db",
         )
     if print_ == study.fingerprint():
@@ -130,7 +134,7 @@ def _bind(connection: Connection, study: Protocol, name: str) -> None:
     )
     if print_ is not None and begun:
         raise InputError(
-            f"changed {name}",
+            "changed db",
             f"{name} holds {begun} participants of {study.name!r} as it was before its questions, "
             "sets or consent were changed: give another --db for the changed study",
         )

@@ -109,7 +109,7 @@ def browser() -> Iterator[Browser]:
         except Error as error:
             first = str(error).strip().splitlines()[0]
             raise InputError(
-                "format real",
+                "unavailable chromium",
                 f"the real pages need Chromium, and none can be started ({first}): install the "
                 "package chromium of your system, or run `playwright install chromium`",
             ) from error
@@ -165,11 +165,11 @@ def _end(walk: _Walk, server: Server) -> None:
         marks = walk.page.evaluate("() => ({...document.documentElement.dataset})")
     except Error as error:
         raise InputError(
-            "format simulated",
+            "unavailable server",
             f"simulated participant {walk.who + 1} is stuck at {server.url} on the page "
             f"{told or 'that should have opened'!r}: {str(error).splitlines()[0]}",
         ) from error
     if "stopped" in marks:
-        raise InputError("unavailable", f"{server.url} refused: {marks['stopped']}")
+        raise InputError("unavailable server", f"{server.url} refused: {marks['stopped']}")
     walk.finished = marks["simulated"] == "finished"
     walk.page.context.close()

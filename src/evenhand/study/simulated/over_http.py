@@ -38,7 +38,8 @@ class Server:
         parts = urllib.parse.urlsplit(url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise InputError(
-                "format", f"{url!r} is no address of a server: give one as http://127.0.0.1:8000"
+                "format url",
+                f"{url!r} is no address of a server: give one as http://127.0.0.1:8000",
             )
         self.url = url.rstrip("/")
 
@@ -63,12 +64,12 @@ class Server:
                 wait = error.headers.get("retry-after", "")
                 told = _told(error)
                 if error.code not in (429, 503) or last:
-                    raise InputError("unavailable", f"{self.url} refused: {told}") from error
+                    raise InputError("unavailable url", f"{self.url} refused: {told}") from error
                 time.sleep(min(_LONGEST_WAIT, float(wait) if wait.isdigit() else 1.0))
             except (OSError, ValueError) as error:
                 why = getattr(error, "reason", error)
                 raise InputError(
-                    "format study", f"no study answers at {self.url}: {why}"
+                    "unavailable url", f"no study answers at {self.url}: {why}"
                 ) from error
         raise AssertionError("the last try returns or raises")
 
@@ -90,7 +91,7 @@ def meet(server: Server, study: Protocol) -> dict[str, Any]:
     about = server.ask("GET", "/study")
     if about["name"] != study.name:
         raise InputError(
-            "format",
+            "conflict url",
             f"{server.url} runs study {about['name']!r}, not {study.name!r}: give its protocol",
         )
     return about

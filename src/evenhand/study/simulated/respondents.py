@@ -63,7 +63,7 @@ class RespondentModel:
 
     def __post_init__(self) -> None:
         if self.n < 1:
-            raise InputError("range", f"{self.n} respondents cannot judge: recruit at least 1")
+            raise InputError("range n", f"{self.n} respondents cannot judge: recruit at least 1")
         for name in ("threshold_spread", "weight_spread", "noise", "issue_noise"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise InputError(
@@ -72,7 +72,7 @@ class RespondentModel:
         for name in ("naming_temperature", "scene_temperature", "scene_issue_temperature"):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(
-                    f"format {name}", f"{name} is {getattr(self, name)}: it must be more than 0"
+                    f"range {name}", f"{name} is {getattr(self, name)}: it must be more than 0"
                 )
         if not 0 <= self.lapse <= 0.5:
             raise InputError("range lapse", f"lapse is {self.lapse}: it must lie between 0 and 0.5")
@@ -298,9 +298,9 @@ def _draw(logits: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.i
 def _positions(name: str, given: ArrayLike, n: int, limit: int) -> NDArray[np.int64]:
     positions = np.asarray(given)
     if positions.shape != (n,) or positions.dtype.kind not in "iu":
-        raise InputError(f"shape {name}", f"{name} must be {n} whole numbers, one a window")
+        raise InputError(f"type {name}", f"{name} must be {n} whole numbers, one a window")
     if n and (positions.min() < 0 or positions.max() >= limit):
         raise InputError(
-            f"missing {name}", f"{name} holds a position that does not exist: use 0 to {limit - 1}"
+            f"range {name}", f"{name} holds a position that does not exist: use 0 to {limit - 1}"
         )
     return positions.astype(np.int64)

@@ -124,7 +124,7 @@ def _manifest(path: Path) -> dict[str, Any]:
     manifest = read_json(path)
     if not isinstance(manifest, dict):
         raise InputError(
-            "format file", f"{path} must hold one JSON object with {', '.join(_MANIFEST)}"
+            "type file", f"{path} must hold one JSON object with {', '.join(_MANIFEST)}"
         )
     for field, kind in _MANIFEST.items():
         if field not in manifest:
@@ -133,7 +133,7 @@ def _manifest(path: Path) -> dict[str, Any]:
             )
         if not isinstance(manifest[field], kind):
             raise InputError(
-                f"format {field}",
+                f"type {field}",
                 f"{path}: field {field!r} is {manifest[field]!r}, of a wrong type",
             )
     return manifest
@@ -145,35 +145,35 @@ _CLAIM = ("id", "claim", "paper", "ours", "ci95", "seeds", "status", "evidence")
 def _claims(path: Path) -> list[dict[str, Any]]:
     claims = read_json(path)
     if not isinstance(claims, list) or not claims:
-        raise InputError("range file", f"{path} must hold a JSON list with at least one claim")
+        raise InputError("type file", f"{path} must hold a JSON list with at least one claim")
     for number, claim in enumerate(claims, start=1):
         where = f"{path}: claim {number}"
         if not isinstance(claim, dict):
-            raise InputError("format file", f"{where} is not an object with {', '.join(_CLAIM)}")
+            raise InputError("type file", f"{where} is not an object with {', '.join(_CLAIM)}")
         for field in _CLAIM:
             if field not in claim:
                 raise InputError(
-                    f"unknown {field}",
+                    f"missing {field}",
                     f"{where}: field {field!r} is missing; write it, null if unknown",
                 )
         for field in ("id", "claim", "evidence"):
             if not isinstance(claim[field], str):
                 raise InputError(
-                    f"format {field}", f"{where}: field {field!r} is {claim[field]!r}; write a text"
+                    f"type {field}", f"{where}: field {field!r} is {claim[field]!r}; write a text"
                 )
         if claim["status"] not in STATUSES:
             raise InputError(
-                "format file",
+                "unknown status",
                 f"{where}: status is {claim['status']!r}; choose one of {', '.join(STATUSES)}",
             )
         seeds = claim["seeds"]
         if isinstance(seeds, bool) or not isinstance(seeds, int | list | None):
             raise InputError(
-                "format file", f"{where}: seeds is {seeds!r}; write a count, a list or null"
+                "type seeds", f"{where}: seeds is {seeds!r}; write a count, a list or null"
             )
         interval = claim["ci95"]
         if interval is not None and not (isinstance(interval, list) and len(interval) == 2):
             raise InputError(
-                "format file", f"{where}: ci95 is {interval!r}; write [low, high] or null"
+                "type ci95", f"{where}: ci95 is {interval!r}; write [low, high] or null"
             )
     return claims

@@ -88,7 +88,7 @@ def admin_token(given: str | None, file: Path | None) -> tuple[str, bool]:
         return secrets.token_urlsafe(32), True
     if len(given) < SHORTEST or not given.isprintable():
         raise InputError(
-            "range admin",
+            "range admin_token",
             f"the admin token has {len(given)} characters: give at least {SHORTEST}, at random",
         )
     return given, False

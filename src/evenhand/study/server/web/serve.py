@@ -23,7 +23,7 @@ def listen(host: str, port: int) -> socket.socket:
         if found is not None:
             found.close()
         raise InputError(
-            "unavailable",
+            "unavailable port",
             f"{host}, port {port} cannot be listened to ({error.strerror or error}): give another "
             "--port or --host",
         ) from error
