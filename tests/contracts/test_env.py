@@ -14,6 +14,7 @@ from evenhand.core.errors import InputError
 from evenhand.restaurant import people
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.vector import RestaurantVectorEnv
+from support.refusals import refused
 
 ID = "evenhand/Restaurant-v0"
 NAN = np.nan
@@ -208,17 +209,17 @@ class TestWrongUse:
             make(**settings)
 
     def test_settings_through_make(self):
-        with pytest.raises(InputError, match="did you mean 'population'"):
+        with refused("unknown setting", "'population'"):
             gym.make(ID, populaton="us")
 
     @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
     def test_render_mode(self, make):
-        with pytest.raises(InputError, match=r"unknown render mode 'human': .*rgb_array"):
+        with refused("unknown render mode", "'human'"):
             make(render_mode="human")
 
     @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
     def test_camera(self, make):
-        with pytest.raises(InputError, match="unknown camera 'rom': did you mean 'room'"):
+        with refused("unknown camera", "'rom'", "'room'"):
             make(camera="rom")
 
     @pytest.mark.parametrize("limit", [0, -2, 1.5, "9"])
@@ -230,7 +231,7 @@ class TestWrongUse:
     def test_actions_of_one(self, action):
         env = RestaurantEnv()
         env.reset(seed=0)
-        with pytest.raises(InputError, match=r"action is .*: give 0"):
+        with refused("range action", "0"):
             env.step(action)
 
     @pytest.mark.parametrize(
@@ -239,14 +240,14 @@ class TestWrongUse:
     def test_actions_of_many(self, actions):
         envs = RestaurantVectorEnv(3)
         envs.reset(seed=0)
-        with pytest.raises(InputError, match="actions must be 3 numbers, each 0"):
+        with refused("type actions", "3", "0"):
             envs.step(np.array(actions))
 
     def test_a_wrong_action_changes_nothing(self):
         env, other = RestaurantEnv(), RestaurantEnv()
         env.reset(seed=0)
         other.reset(seed=0)
-        with pytest.raises(InputError):
+        with refused("range action"):
             env.step(2)
         np.testing.assert_array_equal(env.step(0)[0], other.step(0)[0])
 
@@ -294,7 +295,7 @@ class TestWrongUse:
         envs, single = RestaurantVectorEnv(3, mode), [RestaurantEnv] * 3
         with pytest.raises(ValueError):  # noqa: PT011 - so does Gymnasium, of arrays that lack
             gym.vector.SyncVectorEnv(single).reset(seed=1, options={"reset_mask": mask})
-        with pytest.raises(InputError, match="leaves lanes out in which no service has begun"):
+        with refused("range reset_mask"):
             envs.reset(seed=1, options={"reset_mask": mask})
         with pytest.raises(RuntimeError, match="call reset"):
             envs.step(np.zeros(3, int))
@@ -316,7 +317,7 @@ class TestWrongUse:
             RestaurantVectorEnv(3).reset(seed=seed)
 
     def test_no_lanes(self):
-        with pytest.raises(InputError, match="num_envs is 0"):
+        with refused("range num_envs", "0"):
             RestaurantVectorEnv(0)
 
     @pytest.mark.parametrize("threads", [0, -1, 257, 1.5])
@@ -326,5 +327,5 @@ class TestWrongUse:
             RestaurantVectorEnv(2, threads=threads)
 
     def test_an_unknown_autoreset_mode(self):
-        with pytest.raises(InputError, match="unknown autoreset mode 'Same': did you mean"):
+        with refused("unknown autoreset mode", "'Same'"):
             RestaurantVectorEnv(1, "Same")

@@ -19,6 +19,7 @@ from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.env_base import BLOCK
 from evenhand.restaurant.observation import ScaleObservation, ScaleVectorObservation
 from evenhand.restaurant.vector import RestaurantVectorEnv
+from support.refusals import refused
 
 ID = "evenhand/Restaurant-v0"
 SETTINGS = [{}, {"interval": 15, "needs": 1.0}, {"interval": 10, "perception": 1.0, "noise": 0.1}]
@@ -221,7 +222,7 @@ class TestManyRestaurants:
     def test_before_any_service_and_without_a_seed(self, way):
         envs = RestaurantVectorEnv(LANES)
         other = way(envs)
-        with pytest.raises(InputError, match="no service has begun yet"):
+        with refused("range reset_mask"):
             other.reset(options={"reset_mask": np.array([True, False, False])})
         np.testing.assert_equal(other.reset(), envs.reset())
         assert_go_on_alike(envs, other)
@@ -344,5 +345,5 @@ class TestWrongStates:
         env = RestaurantEnv()
         env.np_random = np.random.Generator(np.random.MT19937(0))
         env.reset()
-        with pytest.raises(InputError, match="np_random draws from MT19937"):
+        with refused("unsupported np_random"):
             env.get_state()

@@ -20,6 +20,7 @@ from evenhand.restaurant.drawing.renderer import Screen
 from evenhand.restaurant.env import RestaurantEnv
 from evenhand.restaurant.simulation import layout
 from evenhand.restaurant.vector import RestaurantVectorEnv
+from support.refusals import refused
 
 SMALL = (160, 120)
 
@@ -171,7 +172,7 @@ def test_what_cannot_be_drawn_is_said(wrong, said):
 
 
 def test_the_environment_names_an_unknown_camera():
-    with pytest.raises(InputError, match="unknown camera 'gest': did you mean 'guest'"):
+    with refused("unknown camera", "'gest'", "'guest'"):
         RestaurantEnv(render_mode="rgb_array", camera="gest")
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.methods import detector_file
 from evenhand.methods.detector_file import SHIPPED
 from evenhand.methods.services import Services
 from evenhand.training import run_folder, train
 from evenhand.training.settings import settings_of
+from support.refusals import refused
 
 ANSWERS = """willingness,quality,priority,risk,biased,discrimination,respondent
 0.1,0.1,0.0,0.0,no,,ann
@@ -142,10 +142,10 @@ def test_a_detector_of_something_else_trains_nobody(cli, tmp_path, changes, said
     assert not (tmp_path / "run").exists()
     detector = detector_file.load(tmp_path / "d.json")
     settings = settings_of("service", "ppo", "service", epochs=2)
-    with pytest.raises(InputError) as caught:
+    with refused("conflict detector") as caught:
         run_folder.execute(tmp_path / "run", settings, detector)
     assert str(caught.value) == said
-    with pytest.raises(InputError):
+    with refused("conflict detector"):
         next(train.train(settings, detector))
     assert not (tmp_path / "run").exists()
 

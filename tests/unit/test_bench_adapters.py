@@ -1,9 +1,7 @@
 """The bench of the wrapper: every ratio is there, and both sides do the same."""
 
-import pytest
-
 from benchmarks import adapters as bench
-from evenhand.core.errors import InputError
+from support.refusals import refused
 
 
 def test_every_ratio_is_measured(monkeypatch, capsys):
@@ -19,5 +17,5 @@ def test_every_ratio_is_measured(monkeypatch, capsys):
 
 
 def test_no_turns_cannot_be_measured():
-    with pytest.raises(InputError, match="turns is 0"):
+    with refused("range turns", "0"):
         bench.measure(0)

@@ -3,8 +3,8 @@
 import pytest
 
 from benchmarks import study as bench
-from evenhand.core.errors import InputError
 from support.answered import protocol
+from support.refusals import refused
 
 
 def test_a_crowd_has_as_many_participants_as_were_asked_for(monkeypatch):
@@ -26,5 +26,5 @@ def test_every_part_is_timed():
 
 
 def test_no_participants_cannot_be_measured():
-    with pytest.raises(InputError, match="participants is 0"):
+    with refused("range participants", "0"):
         bench.measure(0)

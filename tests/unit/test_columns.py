@@ -8,6 +8,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods.services import Services
+from support.refusals import refused
 
 GROUP = ["a", "b", "a", "b"]
 
@@ -60,7 +61,7 @@ def test_codes_may_be_written_as_floats():
 
 
 def test_two_groups_of_one_name():
-    with pytest.raises(InputError, match="identity 'g' has a category twice: a, b, a"):
+    with refused("duplicate g", "'g'"):
         Services.build({"g": (np.array([0, 2]), ["a", "b", "a"])}, {})
 
 

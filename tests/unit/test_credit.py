@@ -13,6 +13,7 @@ from evenhand.methods.beyond.influence import CreditSettings
 from evenhand.methods.paper import scores as paper_scores
 from evenhand.methods.paper.scores import Counts, count
 from evenhand.methods.pooling import Pool
+from support.refusals import refused
 
 NAN = np.nan
 RAW = CreditSettings(shrink=0.0)
@@ -261,7 +262,7 @@ class TestMemory:
         assert (pooling.pooled(memory).inside_n == 7).all()
 
     def test_other_groups_do_not_fit(self):
-        with pytest.raises(InputError, match="begin a new one"):
+        with refused("shape counts"):
             pooling.remember(Pool.empty(2, 5, 3), self.epoch(1))
 
 
@@ -346,17 +347,17 @@ class TestWrongInput:
         "function", [credit.influence, credit.influence_reward, levelup.levelup_reward]
     )
     def test_tau(self, function, tau):
-        with pytest.raises(InputError, match="2 finite numbers"):
+        with refused("range tau", "2"):
             function(X, A_OR_B, tau)
 
     def test_rows_that_do_not_fit(self):
-        with pytest.raises(InputError, match="one row a service"):
+        with refused("shape issues"):
             credit.influence(X, A_OR_B[:4], TAU)
 
     def test_counts_of_other_groups(self):
-        with pytest.raises(InputError, match="same groups and issues"):
+        with refused("shape pooled"):
             credit.influence(X, A_OR_B, TAU, counts(9, 1, 9, 1))
 
     def test_counts_without_the_epoch(self):
-        with pytest.raises(InputError, match="fewer services"):
+        with refused("range pooled"):
             credit.influence(X, A_OR_B, TAU, count(X[:3], A_OR_B[:3]))

@@ -13,8 +13,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from statsmodels.stats.proportion import proportion_confint
 
-from evenhand.core.errors import InputError
 from evenhand.statistics.detector_accuracy import evaluate, wilson
+from support.refusals import refused
 
 SOURCE = "simulated respondents"
 
@@ -139,7 +139,7 @@ def test_only_one_respondent_ever_said_no() -> None:
     # whoever is left out with that one leaves answers of one kind only
     scores, _, _ = judged()
     who = np.arange(250) % 5
-    with pytest.raises(InputError, match="one of 5 folds all judgements are 'biased'"):
+    with refused("range folds", "5", "'biased'"):
         evaluate(scores, who != 3, source=SOURCE, seed=0, groups=who)
 
 
@@ -147,13 +147,13 @@ def test_evaluation_refuses_too_few_answers() -> None:
     scores, biased, _ = judged()
     few = np.zeros(250, bool)
     few[:4] = True
-    with pytest.raises(InputError, match="given 4 times: 5 folds need it at least 5"):
+    with refused("range folds", "4", "5"):
         evaluate(scores, few, source=SOURCE, seed=0)
-    with pytest.raises(InputError, match="use at least 2"):
+    with refused("range folds", "2"):
         evaluate(scores, biased, source=SOURCE, seed=0, folds=1)
-    with pytest.raises(InputError, match="3 respondents cannot be dealt into 5 folds"):
+    with refused("range folds", "3", "5"):
         evaluate(scores, biased, source=SOURCE, seed=0, groups=np.arange(250) % 3)
-    with pytest.raises(InputError, match=r"groups have shape \(9,\) for 250"):
+    with refused("shape groups", "9", "250"):
         evaluate(scores, biased, source=SOURCE, seed=0, groups=np.arange(9))
-    with pytest.raises(InputError, match="row 0 has no score for issue 'willingness'"):
+    with refused("missing scores", "0", "'willingness'"):
         evaluate(np.full((250, 4), np.nan), biased, source=SOURCE, seed=0)

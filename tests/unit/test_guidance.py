@@ -12,6 +12,7 @@ from evenhand.methods.paper import scores
 from evenhand.methods.paper.detector import WindowVerdict
 from evenhand.methods.paper.rewards import TAU, check_tau, evenness_reward
 from evenhand.methods.printed import CREDITS, Penalty, Score
+from support.refusals import refused
 
 NAN = np.nan
 RACISM = np.array([0.49, 0.25, 0.38, 0.43])
@@ -148,7 +149,7 @@ class TestWrongSettings:
 
     @pytest.mark.parametrize("penalty", [-0.1, 1.1, NAN])
     def test_penalty(self, penalty):
-        with pytest.raises(InputError, match=r"lam is .*: lambda multiplies rewards"):
+        with refused("range lam"):
             Penalty(lam=penalty)
 
     @pytest.mark.parametrize("penalty", [0.0, 1.0])
@@ -157,5 +158,5 @@ class TestWrongSettings:
 
     def test_unknown_names_offer_the_nearest(self):
         wrong = {"credit": "epochs"}
-        with pytest.raises(InputError, match="unknown credit 'epochs': did you mean 'epoch'"):
+        with refused("unknown credit", "'epochs'", "'epoch'"):
             Score(credit=wrong["credit"])  # type: ignore[arg-type]

@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep, proportion_confint
 
-from evenhand.core.errors import InputError
 from evenhand.methods.paper.scores import Counts
 from evenhand.statistics import intervals
+from support.refusals import refused
 
 NAN = np.nan
 CELLS = [(70, 56, 80, 48), (10, 9, 10, 3), (10, 0, 20, 0), (5, 5, 7, 0), (3, 0, 900, 400)]
@@ -82,5 +82,5 @@ def test_an_empty_side_has_no_interval(limits):
 @pytest.mark.parametrize("level", [0.0, 1.0, -1, NAN])
 @pytest.mark.parametrize("limits", [intervals.wilson, intervals.clopper_pearson])
 def test_a_level_outside_0_to_1(level, limits):
-    with pytest.raises(InputError, match="level is"):
+    with refused("range level"):
         intervals.newcombe(counts((70, 56, 80, 48)), level, limits)

@@ -10,6 +10,7 @@ from evenhand.restaurant.scenarios.needs import NeedSettings
 from evenhand.restaurant.scenarios.sensing import SenseSettings
 from evenhand.restaurant.worlds import World
 from evenhand.training.settings import TrainSettings, settings_of
+from support.refusals import refused
 
 PRINTED = ("score", "penalty")
 NAMES = ", ".join(registry.BUILT_IN)
@@ -117,7 +118,7 @@ def test_arms_of_the_experiment():
     service = settings_of("service", "ppo", "levelup")
     assert (service.update.gamma, service.update.anneal_updates) == (1.0, 300)
     assert service.world == World()
-    with pytest.raises(InputError, match="unknown preset 'papers': did you mean 'paper'"):
+    with refused("unknown preset", "'papers'", "'paper'"):
         settings_of("papers", "ppo", "score")
-    with pytest.raises(InputError, match=r"preset paper rewards Eq\. 4/5 and nothing else"):
+    with refused("conflict preset", "4", "5"):
         settings_of("paper", "ppo", "influence")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.scenarios.needs import NeedSettings
 from evenhand.restaurant.simulation import layout, task
 from evenhand.restaurant.simulation.lanes import Lanes
+from support.refusals import refused
 
 ADULT, ELDER, WHEELCHAIR, BOTH = (
     [0, 0, 2, 1, 0], [0, 0, 4, 1, 0], [0, 0, 2, 0, 0], [0, 0, 4, 0, 0],
@@ -47,7 +47,7 @@ def test_everybody_can_be_served_properly():
 
 @pytest.mark.parametrize("strength", [-0.1, 1.1, np.nan])
 def test_impossible_strengths(strength):
-    with pytest.raises(InputError, match=r"strength of needs is .*: give 0 to 1"):
+    with refused("range needs", "0", "1"):
         NeedSettings(strength)
 
 

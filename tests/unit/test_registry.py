@@ -8,6 +8,7 @@ from evenhand.core import plugins
 from evenhand.core.errors import InputError
 from evenhand.methods import registry
 from support.plugins import SOURCE
+from support.refusals import refused
 
 
 class Bare:
@@ -36,7 +37,7 @@ class TestRegistering:
 
     def test_without_a_strength_there_is_none(self, registered):
         registered("mine")(fresh())
-        with pytest.raises(InputError, match="mine@1: mine has no strength, drop @1"):
+        with refused("unsupported strength", "1"):
             registry.create("mine@1")
 
     def test_another_field_may_be_the_strength(self, registered):
@@ -87,7 +88,7 @@ class TestRegistering:
         class Mine(Bare):
             parts: tuple = (1, 2)
 
-        with pytest.raises(InputError, match="settings of method 'mine' can change"):
+        with refused("type settings", "'mine'"):
             registry.as_method(Mine(parts=[1]))  # type: ignore[arg-type]
         assert registry.restored(registry.described(Mine())) == Mine()
         assert registry.changed(Mine(), {"parts": "3,4"}) == Mine((3, 4))
@@ -115,7 +116,11 @@ def test_a_failing_plugin_registers_a_sentence(registered, tmp_path, monkeypatch
     monkeypatch.setenv(plugins.VARIABLE, "")
     file = tmp_path / "twice.py"
     file.write_text(SOURCE.replace('"mine"', '"levelup"'))
-    with pytest.raises(InputError, match=r"plugin .*twice\.py: method 'levelup' is there already"):
+    with refused(
+        "duplicate method",
+        "twice.py",
+        "'levelup'",
+    ):
         plugins.load_plugin(file)
 
 

@@ -17,6 +17,7 @@ from evenhand.study.simulated.respondents import (
     questionnaire,
     recruit,
 )
+from support.refusals import refused
 
 EXACT = RespondentModel(noise=0, lapse=0, issue_noise=0, names_shown=1)
 
@@ -160,15 +161,15 @@ def test_no_windows_no_judgements() -> None:
 
 def test_input_that_does_not_fit_is_refused() -> None:
     rng, scores = np.random.default_rng(0), np.zeros((3, 4, 4))
-    with pytest.raises(InputError, match=r"by_identity has shape \(3, 5, 4\)"):
+    with refused("shape by_identity", "3", "5", "4"):
         judge(two(), [0, 0, 0], np.zeros((3, 5, 4)), [0, 0, 0], rng)
-    with pytest.raises(InputError, match="who must be 3 whole numbers"):
+    with refused("type who", "3"):
         judge(two(), [0, 0], scores, [0, 0, 0], rng)
-    with pytest.raises(InputError, match="shown must be 3 whole numbers"):
+    with refused("type shown", "3"):
         judge(two(), [0, 0, 0], scores, [0.0, 1.0, 2.0], rng)
-    with pytest.raises(InputError, match="who holds a position that does not exist: use 0 to 1"):
+    with refused("range who", "0", "1"):
         judge(two(), [0, 1, 2], scores, [0, 0, 0], rng)
-    with pytest.raises(InputError, match="shown holds a position that does not exist: use 0 to 3"):
+    with refused("range shown", "0", "3"):
         judge(two(), [0, 1, 1], scores, [0, -1, 0], rng)
 
 

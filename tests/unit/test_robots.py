@@ -14,6 +14,7 @@ from evenhand.methods.paper import scores
 from evenhand.restaurant import people, robots, serve_people
 from evenhand.restaurant.robots import BIASES, MANNERS, NAMES, ScriptedRobot
 from evenhand.restaurant.worlds import World
+from support.refusals import refused
 
 EVERYONE = np.stack(
     np.meshgrid(*[np.arange(len(i.groups)) for i in people.IDENTITIES], indexing="ij"), axis=-1
@@ -96,7 +97,7 @@ class TestOdds:
 
 class TestWrongSettings:
     def test_an_unknown_robot_offers_the_nearest(self):
-        with pytest.raises(InputError, match="unknown robot 'racst': did you mean 'racist'"):
+        with refused("unknown robot", "'racst'", "'racist'"):
             ScriptedRobot("racst")
 
     @pytest.mark.parametrize("field", ["strength", "sloppiness"])

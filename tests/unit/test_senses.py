@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.restaurant import people
 from evenhand.restaurant.scenarios import sensing
 from evenhand.restaurant.scenarios.sensing import SenseSettings
 from evenhand.restaurant.simulation import driving, layout, task
 from evenhand.restaurant.simulation.lanes import PERCEIVED, Lanes
+from support.refusals import refused
 
 
 def draw(settings: SenseSettings, n: int, readings: int) -> sensing.Chances:
@@ -46,17 +46,17 @@ class TestDraws:
 
     @pytest.mark.parametrize("noise", [-0.01, 1.01, np.nan, np.inf])
     def test_impossible_noise(self, noise):
-        with pytest.raises(InputError, match=r"noise is .*: give metres between 0 and 1"):
+        with refused("range noise", "0", "1"):
             SenseSettings(noise=noise)
 
     @pytest.mark.parametrize("perception", [-0.01, 1.01, np.nan])
     def test_impossible_perception(self, perception):
-        with pytest.raises(InputError, match=r"perception is .*: give a strength from 0 to 1"):
+        with refused("range perception", "0", "1"):
             SenseSettings(perception=perception)
 
     @pytest.mark.parametrize("dropout", [-0.01, 1.0, np.nan])
     def test_impossible_dropout(self, dropout):
-        with pytest.raises(InputError, match=r"dropout is .*: give a probability below 1"):
+        with refused("range dropout", "1"):
             SenseSettings(dropout=dropout)
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods.services import FACTS, Services
+from support.refusals import refused
 
 AGES = ("Child", "Adult", "Elder")
 
@@ -83,11 +84,11 @@ _FACTS = ["responded", "response_step", "response_distance", "min_distance", "ro
 
 class TestWrongBuild:
     def test_an_unknown_fact_offers_the_nearest(self):
-        with pytest.raises(InputError, match="unknown fact 'min_distanse': did you mean 'min_dis"):
+        with refused("unknown fact", "'min_distanse'"):
             made(min_distanse=np.zeros(3))
 
     def test_columns_of_unequal_length(self):
-        with pytest.raises(InputError, match=r"unequal length: \{'age': 3, .*'robot': 2\}"):
+        with refused("shape columns", "'age'", "3", "'robot'", "2"):
             made(robot=["even", "even"])
 
     @pytest.mark.parametrize(
@@ -107,21 +108,21 @@ class TestWrongBuild:
             made(**{name: values})
 
     def test_an_identity_with_the_name_of_a_fact(self):
-        with pytest.raises(InputError, match="'steps' has the name of a fact"):
+        with refused("duplicate steps", "'steps'"):
             Services.build({"steps": (np.zeros(2, int), ("a",))}, {})
 
 
 class TestAsking:
     def test_an_absent_fact_offers_the_nearest_of_this_table(self):
-        with pytest.raises(InputError, match=r"unknown fact of this table 'min_dist': did you m"):
+        with refused("unknown fact", "'min_dist'"):
             made().fact("min_dist")
-        with pytest.raises(InputError, match="unknown fact of this table 'steps'"):
+        with refused("unknown fact", "'steps'"):
             made().fact("steps")
 
     def test_an_identity_is_no_fact_and_the_other_way_round(self):
-        with pytest.raises(InputError, match="unknown fact of this table 'age'"):
+        with refused("unknown fact", "'age'"):
             made().fact("age")
-        with pytest.raises(InputError, match=r"unknown identity 'robot': .*choose one of age"):
+        with refused("unknown identity", "'robot'"):
             made().identity("robot")
 
     def test_equality(self):
@@ -147,7 +148,7 @@ class TestArrow:
 
     def test_a_foreign_table_needs_names_of_identities(self):
         foreign = pa.table({"sex": ["f", None, "m"], "steps": [1.0, None, 3.0]})
-        with pytest.raises(InputError, match="not said which columns are identities: name them"):
+        with refused("missing identities"):
             Services.from_arrow(foreign)
         taken = Services.from_arrow(foreign, ["sex"])
         codes, categories = taken.identity("sex")
@@ -201,13 +202,13 @@ class TestArrow:
 
     def test_a_column_that_stands_there_twice(self):
         table = pa.table([pa.array(["f"]), pa.array(["m"])], ["sex", "sex"])
-        with pytest.raises(InputError, match="column 'sex' stands there twice"):
+        with refused("duplicate sex", "'sex'"):
             Services.from_arrow(table, ["sex"])
 
     def test_the_constructor_takes_checked_columns_only(self):
-        with pytest.raises(InputError, match="identity column 'sex' is not categorical"):
+        with refused("type sex", "'sex'"):
             Services(pa.table({"sex": ["f"]}), ["sex"])
-        with pytest.raises(InputError, match="column 'steps' holds int64, expected int32"):
+        with refused("type steps", "'steps'"):
             Services(pa.table({"steps": [1]}), [])
 
 
@@ -243,19 +244,19 @@ class TestFiles:
         path = tmp_path / "services.parquet"
         made().write_parquet(path)
         path.write_bytes(path.read_bytes()[:left])
-        with pytest.raises(InputError, match=r"services\.parquet cannot be read as Parquet"):
+        with refused("format file", "services.parquet"):
             Services.read_parquet(path)
 
     def test_a_parquet_file_of_something_else(self, tmp_path):
         path = tmp_path / "other.parquet"
         pq.write_table(pa.table({"a": [1]}), path)
-        with pytest.raises(InputError, match=r"other\.parquet: it is not said which columns"):
+        with refused("missing identities", "other.parquet"):
             Services.read_parquet(path)
 
     def test_a_file_that_is_not_there(self, tmp_path):
-        with pytest.raises(InputError, match="nothing cannot be read as CSV"):
+        with refused("format file"):
             Services.read_csv(tmp_path / "nothing", ["age"])
-        with pytest.raises(InputError, match="nothing cannot be read as Parquet"):
+        with refused("format file"):
             Services.read_parquet(tmp_path / "nothing")
 
     @pytest.mark.parametrize(
@@ -278,12 +279,12 @@ class TestFiles:
 
     @pytest.mark.parametrize("write", [Services.write_csv, Services.write_parquet])
     def test_a_place_that_cannot_be_written(self, tmp_path, write):
-        with pytest.raises(InputError, match="x cannot be written"):
+        with refused("unavailable file"):
             write(made(), tmp_path / "nowhere" / "x")
 
     def test_a_failed_write_leaves_nothing_and_keeps_what_was_there(self, tmp_path):
         (tmp_path / "x").mkdir()  # a folder cannot be replaced by a file
-        with pytest.raises(InputError, match="x cannot be written"):
+        with refused("unavailable file"):
             made().write_parquet(tmp_path / "x")
         assert os.listdir(tmp_path) == ["x"]
 
@@ -326,11 +327,11 @@ class TestRows:
         )
 
     def test_concat_of_nothing(self):
-        with pytest.raises(InputError, match="nothing to concatenate"):
+        with refused("empty tables"):
             Services.concat([])
 
     def test_concat_of_tables_with_other_columns(self):
-        with pytest.raises(InputError, match="tables with other columns"):
+        with refused("conflict tables"):
             Services.concat([made(), made(robot=None)])
 
     def test_a_table_does_not_follow_the_arrays_it_was_built_from(self):

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.experiments.comparison.settings import Cell
 from evenhand.experiments.sweep import file
 from evenhand.experiments.sweep.settings import EXAMPLE, Job, Sweep, Variant
+from support.refusals import refused
 
 HEAD = 'scenarios = ["tips"]\narms = ["service"]\nseeds = 1\n'
 
@@ -238,8 +238,8 @@ class TestDuplicates:
 
 
 def test_no_file_at_all(tmp_path):
-    with pytest.raises(InputError, match=r"no.toml cannot be read: No such file or directory"):
+    with refused("unavailable file", "no.toml"):
         file.examine(tmp_path / "no.toml")
     (tmp_path / "x.toml").write_bytes(b"\xff")
-    with pytest.raises(InputError, match=r"x.toml is not UTF-8 text: save it as UTF-8"):
+    with refused("format file", "x.toml", "8"):
         file.examine(tmp_path / "x.toml")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.restaurant.scenarios import tips
+from support.refusals import refused
 
 CHILD, TEENAGER, ADULT, MIDDLE_AGED, ELDER = ([0, 0, age, 1, 0] for age in range(5))
 CODES = np.array([CHILD, TEENAGER, ADULT, MIDDLE_AGED, ELDER, CHILD])
@@ -54,9 +54,9 @@ def test_only_age_counts():
 
 @pytest.mark.parametrize("strength", [-0.01, 1.01, np.inf, np.nan])
 def test_impossible_strengths(strength):
-    with pytest.raises(InputError) as refused:
+    with refused("range tips") as caught:
         tips.check(strength)
-    assert str(refused.value) == f"tips is {strength}: give a strength from 0 to 1"
+    assert str(caught.value) == f"tips is {strength}: give a strength from 0 to 1"
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])

@@ -8,6 +8,7 @@ import pytest
 
 from evenhand.core import tree
 from evenhand.core.errors import InputError
+from support.refusals import refused
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def test_what_cannot_be_kept(wrong, said):
 
 
 def test_what_does_not_fit():
-    with pytest.raises(InputError, match=r"b of shape \(\) is not in what was saved"):
+    with refused("shape state"):
         tree.fill({"a": 1.0, "b": 2.0}, {"a": np.array(1.0)})
-    with pytest.raises(InputError, match=r"a of shape \(2,\)"):
+    with refused("shape state", "2"):
         tree.fill({"a": np.zeros(2)}, {"a": np.zeros(3)})

@@ -17,6 +17,7 @@ from evenhand.restaurant.people import IDENTITIES, Table, population
 from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, policy, run_folder, train
 from evenhand.training.settings import TrainSettings, settings_of
+from support.refusals import refused
 
 TONGUE = ev.Identity("language", ("local", "foreign"))
 BANDS = ev.Identity("age", ("Elder", "Younger"))
@@ -174,7 +175,7 @@ class TestRegistering:
         assert made == [1]
         assert ev.scenario("given+made") == World(noise=0.1, tips=0.5)
         assert worlds.ordered("given+made") == "made+given"
-        with pytest.raises(InputError, match="given and tips both set tips; choose one of them"):
+        with refused("conflict scenario"):
             ev.scenario("given+tips")
         assert TrainSettings("service", scenario="made", population="us").world == World(
             "us", noise=0.1
@@ -185,7 +186,7 @@ class TestRegistering:
         ev.register_scenario("without", world=World(dropout=0.3))
         assert ev.scenario("with").robot_to_compare_with() == ev.ScriptedRobot()
         for name in ("without", "with+tips"):
-            with pytest.raises(InputError, match="no reference robot: give one to register_scen"):
+            with refused("missing reference"):
                 ev.scenario(name).robot_to_compare_with()
 
     @pytest.mark.parametrize("name", ["even", "twice"])
@@ -196,16 +197,16 @@ class TestRegistering:
 
     @pytest.mark.parametrize("name", ["a+b", "a/b", "", ".", None, "a b", "@"])
     def test_a_name_that_cannot_be_one(self, name):
-        with pytest.raises(InputError, match="cannot be called"):
+        with refused("format scenario"):
             ev.register_scenario(name, world=World())
-        with pytest.raises(InputError, match="cannot be called"):
+        with refused("format policy"):
             ev.register_policy(name, policy.mlp)
 
     def test_what_is_no_world(self):
-        with pytest.raises(InputError, match="world is 'us': give a World or a function"):
+        with refused("type world", "'us'"):
             ev.register_scenario("wrong", world="us")  # type: ignore[arg-type]
         ev.register_scenario("late", world=lambda: {"noise": 1})  # type: ignore[arg-type,return-value]
-        with pytest.raises(InputError, match="scenario 'late': its function gave dict: return a W"):
+        with refused("type world", "'late'"):
             ev.scenario("late")
 
     def test_an_edited_file_is_another_run(self, tmp_path, monkeypatch):
@@ -296,9 +297,9 @@ class TestPolicies:
             policy.make_policy(25, chosen, np.random.default_rng(0))
 
     def test_unknown_and_taken_names(self):
-        with pytest.raises(InputError, match="unknown policy 'mpl': did you mean 'mlp'"):
+        with refused("unknown policy", "'mpl'", "'mlp'"):
             policy.PolicySettings(kind="mpl")
-        with pytest.raises(InputError, match="there is a policy 'mlp' already"):
+        with refused("duplicate policy", "'mlp'"):
             ev.register_policy("mlp", wide)
 
 
@@ -321,7 +322,7 @@ class TestElsewhere:
         assert {*table.fact("scenario")} == {"minority"}
         assert table != evaluate.serve_policy(state, settings, 60, 1)
         ev.register_scenario("tongues", world=World(identities=(TONGUE,)))
-        with pytest.raises(InputError, match="in scenario 'tongues' people have other identities"):
+        with refused("conflict scenario", "'tongues'"):
             evaluate.serve_policy(state, settings, 60, 1, settings.elsewhere("tongues", None))
 
 
@@ -348,5 +349,5 @@ def test_weights_of_issues_are_as_many_as_issues():
     ev.register_scenario("slow", world=World(issues=(*ev.paper_issues(), slow)))
     settings = TrainSettings("service", scenario="slow")
     assert settings.tau == (1.0,) * 5
-    with pytest.raises(InputError, match=r"has 5 issues .*: leave tau out"):
+    with refused("conflict tau", "5"):
         TrainSettings("service", scenario="slow", tau=(1.0, 1.0, 1.0, 2.0))

@@ -1,6 +1,7 @@
 """What is said to a user whose input cannot be used: one sentence, no traceback."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from numbers import Integral
 
@@ -79,6 +80,7 @@ def unknown(kind: str, name: str, choices: Iterable[str]) -> InputError:
     names = list(choices)
     guess = nearest(name, names)
     hint = f"did you mean {guess!r}? " if guess else ""
+    field = re.split(" (?:of|in|with) ", kind)[0]
     return InputError(
-        f"unknown {kind}", f"unknown {kind} {name!r}: {hint}choose one of {', '.join(names)}"
+        f"unknown {field}", f"unknown {kind} {name!r}: {hint}choose one of {', '.join(names)}"
     )

@@ -123,7 +123,7 @@ def load_texts(files: Mapping[str, str]) -> None:
 
 def _failed(what: str, error: BaseException) -> InputError:
     if isinstance(error, InputError):
-        return InputError(f"format {what}", f"{what}: {error}")
+        return error.at(what)
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
     lines = traceback.format_list(own) + traceback.format_exception_only(error)

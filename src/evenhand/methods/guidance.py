@@ -78,7 +78,7 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
     found = method.teach(epoch, memory)
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(
-            f"type {what}",
+            "type method",
             f"{what}: teach gave {type(found).__name__}: give rewards or advantages and the memory",
         )
     given, after = found
@@ -86,7 +86,7 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
     if was != now:
         odd = next(name for name in {**was, **now} if was.get(name) != now.get(name))
         raise InputError(
-            f"shape {what}",
+            "shape method",
             f"{what}: {odd or 'the memory'} was of shape {was.get(odd)} and is of {now.get(odd)}: "
             "keep the shapes that begin gave",
         )
@@ -95,7 +95,7 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
         values = _numbers(what, "it", given)
         if values.shape not in ((n,), (n, length)):
             raise InputError(
-                f"shape {what}",
+                "shape method",
                 f"{what}: it gave an array of shape {values.shape}: give rewards of the services, "
                 f"{(n,)}, or advantages of their decisions, {(n, length)}",
             )
@@ -129,7 +129,7 @@ def _checked(what: str, given: Guidance, happened: np.ndarray) -> Guidance:
         values = _numbers(what, name, values)
         if values.shape != shape:
             raise InputError(
-                f"shape {what}", f"{what}: {name} has shape {values.shape}: give {shape}"
+                "shape method", f"{what}: {name} has shape {values.shape}: give {shape}"
             )
         if len(shape) == 2:
             values = np.where(happened, values, 0.0)
@@ -137,7 +137,7 @@ def _checked(what: str, given: Guidance, happened: np.ndarray) -> Guidance:
         if odd.any():
             place = int(np.flatnonzero(odd.reshape(n, -1).any(axis=1))[0])
             raise InputError(
-                f"range {what}",
+                "range method",
                 f"{what}, service {place}: {name} is {values[odd][0]}: give finite numbers",
             )
         checked[name] = values
@@ -151,6 +151,6 @@ def _numbers(what: str, name: str, values: Any) -> np.ndarray:
         found = np.array(None)
     if found.dtype.kind not in "biuf":
         raise InputError(
-            f"type {what}", f"{what}: {name} gave {type(values).__name__}: give an array of numbers"
+            "type method", f"{what}: {name} gave {type(values).__name__}: give an array of numbers"
         )
     return found

@@ -14,6 +14,7 @@ from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
 from evenhand.methods.services import Services
 from evenhand.statistics.verdicts import VerdictSettings
 from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
+from support.refusals import refused
 
 
 def ledger(windows=3, services=4, **options):
@@ -139,10 +140,10 @@ def test_nothing_to_report(runs, said, tmp_path):
 def test_runs_of_other_schemes_are_not_mixed(tmp_path):
     from support.toys import SCHEME as OTHER
 
-    with pytest.raises(InputError, match="run 'two' is of another scheme"):
+    with refused("conflict run", "'two'"):
         page.write(tmp_path, {"one": ledger(), "two": Ledger(OTHER)}, title="t", note="n")
 
 
 def test_no_service_no_finding():
-    with pytest.raises(InputError, match="no service has ended yet"):
+    with refused("empty services"):
         findings_of(Ledger(SCHEME))

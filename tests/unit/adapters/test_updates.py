@@ -1,11 +1,10 @@
 """Table and caption of the updates of another library's learner."""
 
 import numpy as np
-import pytest
 
 from evenhand.adapters.page import Examined, caption, updates_table
-from evenhand.core.errors import InputError
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
+from support.refusals import refused
 
 
 def reflection(change, p, alarm=False):
@@ -40,5 +39,5 @@ def test_the_caption_counts_alarms_beside_what_chance_gives():
 
 
 def test_no_update():
-    with pytest.raises(InputError, match="no update was examined"):
+    with refused("empty update"):
         updates_table({"a": Examined([], SETTINGS)})

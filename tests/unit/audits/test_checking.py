@@ -7,6 +7,7 @@ from evenhand.audits.count import checks, count, group_by
 from evenhand.audits.read.mapping import Mapping
 from evenhand.audits.read.sources import open_source
 from evenhand.core.errors import InputError
+from support.refusals import refused
 
 
 def warned(columns, **roles):
@@ -66,7 +67,7 @@ def test_a_wrong_cell_comes_before_too_many_combinations(monkeypatch):
     with pytest.raises(InputError, match=WRONG):
         count.tally(open_source(pa.table(log)), roles)
     log["ok"][2] = "no"
-    with pytest.raises(InputError, match="more than 3 combinations"):
+    with refused("range strata", "3"):
         count.tally(open_source(pa.table(log)), roles)
 
 
@@ -80,5 +81,5 @@ def test_the_first_wrong_column_is_told_whatever_the_row():
 def test_a_log_that_was_mended_while_it_was_read(monkeypatch):
     source = open_source(pa.table({"who": ["a", "b"], "ok": ["yes", "perhaps"]}))
     monkeypatch.setattr(checks, "refuse_wrong", lambda source, mapping, read: None)
-    with pytest.raises(InputError, match="changed while it was read: audit a copy"):
+    with refused("changed log"):
         count.tally(source, Mapping(identities=("who",), responded="ok"))

@@ -6,7 +6,7 @@ import pytest
 
 from evenhand.audits.api import Audit, audit
 from evenhand.audits.example import synthetic_log
-from evenhand.core.errors import InputError
+from support.refusals import refused
 
 LOG = synthetic_log(5000, np.random.default_rng(0))
 
@@ -136,5 +136,5 @@ def test_the_same_seed_gives_the_same_log():
 
 @pytest.mark.parametrize("services", [0, -1, 10_000_001])
 def test_as_many_services_as_can_be(services):
-    with pytest.raises(InputError, match="give a whole number from 1 to 10000000"):
+    with refused("range services", "1", "10000000"):
         synthetic_log(services, np.random.default_rng(0))

@@ -11,6 +11,7 @@ from evenhand.audits.watch.alarm import WatchSettings, begin, take
 from evenhand.core.errors import InputError
 from evenhand.methods.paper.scores import count, signed_gaps
 from evenhand.statistics import sequential
+from support.refusals import refused
 
 ISSUES = ("willingness", "risk")
 
@@ -169,7 +170,7 @@ def test_settings_out_of_range_are_refused(settings, said):
 
 def test_a_batch_that_is_not_full_and_other_issues_are_refused():
     state = begin(WatchSettings(batch=30), ISSUES)
-    with pytest.raises(InputError, match="a batch has 20 services in place of 30"):
+    with refused("shape batch", "20", "30"):
         take(state, tally(np.zeros(20, np.int64), np.zeros((20, 2)), 30))
-    with pytest.raises(InputError, match="told quality before and tells willingness, risk now"):
+    with refused("changed log"):
         take(begin(WatchSettings(), ("quality",)), tally(np.zeros(30, int), np.zeros((30, 2)), 30))

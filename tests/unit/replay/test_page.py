@@ -8,6 +8,7 @@ from evenhand.core.errors import InputError
 from evenhand.restaurant.replay import page
 from support import replayed
 from support.pages import Page
+from support.refusals import refused
 
 SCRIPT = "document.title;"
 NASTY = "</script><script>alert('&')</script>"
@@ -93,7 +94,7 @@ def test_thirty_services_are_at_most_three_megabytes(require, tmp_path):
 
 def test_a_script_that_has_not_been_built(served, monkeypatch, tmp_path):
     monkeypatch.setattr(page, "SCRIPT", tmp_path / "none.js")
-    with pytest.raises(InputError, match=r"run `python frontend/build\.py` in the checkout"):
+    with refused("unavailable script", "build.py"):
         page.write(served[0], served[1], tmp_path / "replay.html")
     assert not (tmp_path / "replay.html").exists()
 

@@ -12,11 +12,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.experiments.paper.report import figures
 from evenhand.experiments.paper.report.build import build
 from evenhand.experiments.paper.report.figures import PLATES
 from support.pages import Page
+from support.refusals import refused
 
 NAMES = [plate.name for plate in PLATES]
 
@@ -223,7 +223,7 @@ def test_an_experiment_without_ppo_leaves_the_close_view_out(
 def test_a_folder_that_cannot_be_written_is_named(experiment: Callable[..., Path]) -> None:
     folder = experiment(seeds=(0,), epochs=2, presets=("service",), windows=10)
     (folder / "figures").write_text("a file where the folder should be", encoding="utf-8")
-    with pytest.raises(InputError, match=r"figures is a file, not a folder"):
+    with refused("conflict folder"):
         build(folder)
     assert not (folder / "report.html").exists()
 
@@ -233,6 +233,6 @@ def test_a_malformed_table_stops_the_report_before_anything_is_written(
 ) -> None:
     folder = experiment(seeds=(0,), epochs=2, windows=10)
     rewrite(folder / "data" / "test.csv", lambda row: row.update(perfect_rate="high"))
-    with pytest.raises(InputError, match=r"test\.csv: row 2, column 'perfect_rate' is 'high'"):
+    with refused("type cell", "test.csv", "2", "'perfect_rate'", "'high'"):
         build(folder)
     assert not (folder / "figures").exists()

@@ -12,6 +12,7 @@ import pytest
 from evenhand.core.errors import InputError
 from evenhand.experiments.paper.report.results import SCHEMAS, read
 from evenhand.report.read_tables import read_table
+from support.refusals import refused
 
 
 def edit(path: Path, old: str, new: str) -> None:
@@ -85,35 +86,35 @@ def test_rows_of_unequal_length_no_rows_and_repeated_rows(tmp_path: Path) -> Non
     path = tmp_path / "t.csv"
     schema = {"a": "text", "b": "int"}
     path.write_text("a,b\nx,1\ny\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 3 has 1 cells, the header has 2"):
+    with refused("shape row", "3", "1", "2"):
         read_table(path, schema)
     path.write_text("a,b\n", encoding="utf-8")
-    with pytest.raises(InputError, match="a header but no rows"):
+    with refused("empty file"):
         read_table(path, schema)
     path.write_text("", encoding="utf-8")
-    with pytest.raises(InputError, match="is empty"):
+    with refused("empty file"):
         read_table(path, schema)
     path.write_text("a,b\nx,1\ny,2\nx,3\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 4 repeats row 2 in the columns a"):
+    with refused("duplicate row", "4", "2"):
         read_table(path, schema, ("a",))
 
 
 def test_a_file_that_is_not_text(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_bytes(b"a,b\n\xff\xfe,1\n")
-    with pytest.raises(InputError, match="cannot be read as text"):
+    with refused("format file"):
         read_table(path, {"a": "text"})
 
 
 def test_a_folder_that_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is not a folder"):
+    with refused("missing folder"):
         read(tmp_path / "nothing")
 
 
 def test_broken_json_is_located(experiment: Callable[..., Path]) -> None:
     folder = experiment(epochs=2, windows=10)
     (folder / "claims.json").write_text('[\n{"id": }]', encoding="utf-8")
-    with pytest.raises(InputError, match=r"claims\.json: row 2, column 8 is not JSON"):
+    with refused("format file", "claims.json", "2", "8"):
         read(folder)
 
 
@@ -142,24 +143,24 @@ def test_a_claim_without_a_field_and_a_list_without_claims(
 ) -> None:
     folder = experiment(epochs=2, windows=10)
     (folder / "claims.json").write_text('[{"id": "a"}]', encoding="utf-8")
-    with pytest.raises(InputError, match="claim 1: field 'claim' is missing"):
+    with refused("missing claim", "1", "'claim'"):
         read(folder)
     (folder / "claims.json").write_text("[7]", encoding="utf-8")
-    with pytest.raises(InputError, match="claim 1 is not an object"):
+    with refused("type file", "1"):
         read(folder)
     (folder / "claims.json").write_text("[]", encoding="utf-8")
-    with pytest.raises(InputError, match="at least one claim"):
+    with refused("type file"):
         read(folder)
 
 
 def test_a_manifest_without_a_field_or_of_a_wrong_type(experiment: Callable[..., Path]) -> None:
     folder = experiment(epochs=2, windows=10)
     edit(folder / "manifest.json", '"people": 30', '"people": "30"')
-    with pytest.raises(InputError, match="field 'people' is '30', of a wrong type"):
+    with refused("type people", "'people'", "'30'"):
         read(folder)
     edit(folder / "manifest.json", '"people"', '"guests"')
-    with pytest.raises(InputError, match="field 'people' is missing"):
+    with refused("missing people", "'people'"):
         read(folder)
     (folder / "manifest.json").write_text("[]", encoding="utf-8")
-    with pytest.raises(InputError, match="must hold one JSON object"):
+    with refused("type file"):
         read(folder)

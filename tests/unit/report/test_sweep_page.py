@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.experiments.comparison.read import SCHEMAS
 from evenhand.experiments.sweep import page as sweep_page
 from support.compared import write_csv
+from support.refusals import refused
 
 RUNS = (
     "variant", "scenario", "algorithm", "arm", "seed", "state", "attempts", "seconds", "reason",
@@ -105,5 +105,5 @@ def test_without_any_result(folder):
 
 def test_what_is_damaged_is_named(folder):
     (folder / "runs.csv").write_text("variant,seed\nx,1\n")
-    with pytest.raises(InputError, match=r"runs.csv: column 'scenario' is missing"):
+    with refused("missing scenario", "runs.csv", "'scenario'"):
         sweep_page.build(folder)

@@ -12,6 +12,7 @@ from evenhand.study.analysis.answers import Answers
 from evenhand.study.design.protocol import ClipSet
 from evenhand.study.simulated import participants
 from support.answered import SCORES, judged, protocol
+from support.refusals import refused
 
 UNEVEN = [name for name in SCORES if not name.startswith("even")]
 
@@ -100,19 +101,17 @@ def test_one_simulated_answer_makes_the_source_simulated():
 def test_who_is_meant_has_to_be_said_where_there_are_both():
     made = participants.answers(protocol(), 5, 0, participants.Habits(leaves=0))
     both = Answers.of_rows([*crowd(3).rows(), *made.rows()])
-    with pytest.raises(
-        InputError, match="3 people and 5 simulated participants: choose with --who"
-    ):
+    with refused("conflict participants", "3", "5", "--who"):
         fit_detector.chosen(both, None)
     assert len(fit_detector.chosen(both, "simulated").participants) == 5
     assert len(fit_detector.chosen(both, "both").participants) == 8
     assert fit_detector.chosen(made, None).simulated
-    with pytest.raises(InputError, match="no answers of people"):
+    with refused("empty answers"):
         fit_detector.chosen(made, "people")
 
 
 def test_previews_are_never_fitted_to():
-    with pytest.raises(InputError, match="no answers of anybody"):
+    with refused("empty answers"):
         fit_detector.chosen(crowd(3, preview=True), None)
 
 

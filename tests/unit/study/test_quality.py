@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements, quality
 from evenhand.study.analysis.answers import Answers
 from evenhand.study.analysis.quality import Limits
 from support.answered import judged, protocol, row
+from support.refusals import refused
 
 SETS = ("no-answer", "from-afar", "late", "too-close", "even-one", "even-two")
 
@@ -125,7 +125,7 @@ def test_what_is_not_known_is_missing_and_flags_nobody():
 def test_every_flag_has_its_threshold_in_words_and_limits_are_numbers():
     assert tuple(Limits().said()) == quality.FLAGS
     assert "\N{MINUS SIGN}3" in Limits().said()[quality.FAST]
-    with pytest.raises(InputError, match="limit 'z' is not a number"):
+    with refused("type z", "'z'"):
         Limits(z=float("nan"))
 
 

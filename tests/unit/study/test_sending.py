@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 import uvicorn
 
-from evenhand.core.errors import InputError
 from evenhand.study.analysis.answers import Answers
 from evenhand.study.server import rows
 from evenhand.study.server.store import Store
@@ -18,6 +17,7 @@ from evenhand.study.server.web.serve import address, listen
 from evenhand.study.simulated import over_http, participants
 from evenhand.study.simulated.over_http import Server, take
 from support.answered import protocol
+from support.refusals import refused
 from support.studies import served
 
 
@@ -73,7 +73,7 @@ def test_a_server_that_asks_to_wait_gets_its_time(tmp_path, monkeypatch):
     limits = Limits(begin=Rate(1, 0.001))
     with (
         Running(tmp_path / "s.db", simulated=True, limits=limits) as found,
-        pytest.raises(InputError, match="refused: "),
+        refused("unavailable url"),
     ):
         take(Server(found.url), protocol(), 2, 0)
     assert len(waited) == 2
@@ -82,21 +82,21 @@ def test_a_server_that_asks_to_wait_gets_its_time(tmp_path, monkeypatch):
 
 def test_a_server_for_people_takes_no_simulated_participants(tmp_path):
     with Running(tmp_path / "s.db") as found:
-        with pytest.raises(InputError, match="--allow-simulated"):
+        with refused("unavailable url", "--allow-simulated"):
             take(Server(found.url), protocol(), 1, 0)
         assert len(stored(found.store)) == 0
 
 
 def test_another_study_is_refused_before_anybody_begins(running):
     before = len(stored(running.store))
-    with pytest.raises(InputError, match="runs study 'small', not 'other'"):
+    with refused("conflict url", "'small'", "'other'"):
         take(Server(running.url), protocol(name="other"), 1, 0)
     assert len(stored(running.store)) == before
 
 
 def test_no_server_and_no_address_are_told():
-    with pytest.raises(InputError, match=r"no study answers at http://127\.0\.0\.1:9"):
+    with refused("unavailable url", "127.0", "9"):
         Server("http://127.0.0.1:9").ask("GET", "/study")
     for url in ("", "localhost", "file:///etc/passwd", "http://"):
-        with pytest.raises(InputError, match="no address of a server"):
+        with refused("format url"):
             Server(url)

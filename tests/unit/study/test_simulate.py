@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from evenhand.core.errors import InputError
 from evenhand.study.analysis import judgements
 from evenhand.study.analysis.answer_columns import pc
 from evenhand.study.design import orders
@@ -11,6 +10,7 @@ from evenhand.study.design.protocol import Question
 from evenhand.study.server import check_reply
 from evenhand.study.simulated.participants import Habits, answers, recruit, visit
 from support.answered import SCORES, options, protocol
+from support.refusals import refused
 
 CAREFUL = Habits(careless=0, leaves=0)
 
@@ -110,9 +110,9 @@ def test_keys_differ_and_the_sequence_counts_up():
 
 
 def test_impossible_habits_and_crowds_are_refused():
-    with pytest.raises(InputError, match=r"careless is 1.5: give a share from 0 to 1"):
+    with refused("range careless", "1.5", "0", "1"):
         Habits(careless=1.5)
-    with pytest.raises(InputError, match=r"clip is 0: give seconds below 3600"):
+    with refused("range clip", "0", "3600"):
         Habits(clip=0)
-    with pytest.raises(InputError, match="respondents is 0: give a whole number from 1"):
+    with refused("range respondents", "0", "1"):
         recruit(0, np.random.default_rng(0))
