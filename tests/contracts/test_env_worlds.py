@@ -195,6 +195,22 @@ class TestStates:
         with refused("changed state"):
             RestaurantEnv(scenario="even").set_state(env.get_state())
 
+    def test_a_name_of_another_process(self, tmp_path):
+        """What a script registers is unknown elsewhere, but goes along."""
+        worlds.register_scenario("blurred", world=ev.World(noise=0.4))
+        env = RestaurantEnv(scenario="blurred")
+        env.reset(seed=0)
+        kept = pickle.dumps(env)
+        del worlds._SCENARIOS["blurred"]
+        same(env, pickle.loads(kept))
+
+    def test_of_another_population_of_the_same_name(self):
+        one = people.population("us")
+        other = one.altered(one.identities, {"disability": (1.0, 0.0)})
+        assert one.name == other.name
+        with refused("changed state"):
+            RestaurantEnv(population=one).set_state(RestaurantEnv(population=other).get_state())
+
 
 class TestRefused:
     """What an environment cannot serve in."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import zlib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown
+from evenhand.methods.paper.issues import PAPER_ISSUES
 from evenhand.restaurant import floor_plan, people, worlds
 from evenhand.restaurant.scenarios import needs, sensing, tips
 from evenhand.restaurant.simulation import kernels, layout, task
@@ -30,7 +32,6 @@ class RestaurantSettings:
     imitated before training, and changes nothing in an environment.
 
     Attributes:
-        scenario: the name of one, or of several joined by a plus, or a ``World``.
         population: where people are drawn from, one of ``people.POPULATIONS``.
         interval: physics steps of 0.02 s from one decision to the next.
         noise: standard deviation of a distance reading, metres.
@@ -38,9 +39,10 @@ class RestaurantSettings:
         perception: 0 to 1, how much sensing depends on the person, see ``sensing``.
         needs: 0 to 1, how much some people need another service, see ``needs``.
         tips: 0 to 1, how much less the reward is for some people, see ``tips``.
+        scenario: the name of one, or of several joined by a plus, or a ``World``.
+        world: where people are served, which follows from all of these.
     """
 
-    scenario: str | World = "even"
     population: str | people.Population | None = None
     interval: int | None = None
     noise: float | None = None
@@ -48,9 +50,11 @@ class RestaurantSettings:
     perception: float | None = None
     needs: float | None = None
     tips: float | None = None
+    scenario: str | World = field(default="even", kw_only=True)
+    world: World = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        given = {name: v for name, v in vars(self).items() if name != "scenario" and v is not None}
+        given = {name: v for name in _REPLACING if (v := getattr(self, name)) is not None}
         for name, value in given.items():
             if name == "population":
                 if not isinstance(value, str | people.Population):
@@ -72,26 +76,27 @@ class RestaurantSettings:
                 "many services have ended: train there with evenhand.train, or make a World "
                 "without them",
             )
-        world = replace(chosen, **given)
-        for name in vars(self):
-            if name != "scenario":
-                object.__setattr__(self, name, getattr(world, name))
-
-    @property
-    def world(self) -> World:
-        """Where people are served."""
-        chosen = worlds.scenario(self.scenario) if isinstance(self.scenario, str) else self.scenario
-        return replace(
-            chosen, **{name: value for name, value in vars(self).items() if name != "scenario"}
-        )
+        # an environment needs no more of it, and can be pickled whatever the rest holds
+        world = replace(chosen, issues=PAPER_ISSUES, reference=None, **given)
+        object.__setattr__(self, "world", world)
+        for name in _REPLACING:
+            object.__setattr__(self, name, getattr(world, name))
 
     def plain(self) -> dict[str, Any]:
         """By name, as plain text, numbers and lists."""
-        world = self.world
-        own = {one.name: getattr(world, one.name) for one in fields(World) if one.compare}
-        own.pop("issues")
-        own = {name: worlds.plain(value) for name, value in own.items() if name != "facts"}
-        return {"scenario": world.name, **own}
+        world, out = self.world, {"scenario": self.world.name}
+        for one in fields(World):
+            if one.compare and one.name not in ("issues", "facts"):
+                out[one.name] = worlds.plain(getattr(world, one.name))
+        if isinstance(world.population, people.Population):
+            shares = hashlib.sha256(repr(world.population).encode()).hexdigest()
+            out["population"] += f" ({shares[:16]})"
+        return out
+
+
+_REPLACING = tuple(
+    one.name for one in fields(RestaurantSettings) if one.init and one.name != "scenario"
+)
 
 
 @dataclass(frozen=True)
@@ -265,7 +270,7 @@ def lanes_of(world: World, n: int, threads: int = 1) -> Lanes:
 
 def settings_from(given: dict[str, Any]) -> RestaurantSettings:
     """Settings from keyword arguments; an unknown name offers the nearest."""
-    known = [f.name for f in fields(RestaurantSettings)]
+    known = [f.name for f in fields(RestaurantSettings) if f.init]
     for name in given:
         if name not in known:
             raise unknown("setting", name, known)
