@@ -198,7 +198,7 @@ class TestWrongUse:
             ({"noise": NAN}, "noise is nan"),
             ({"dropout": 1.0}, "dropout is 1.0: give a probability below 1"),
             ({"dropout": -0.1}, "dropout is -0.1"),
-            ({"population": None}, "unknown population 'None'"),
+            ({"population": 3}, "unknown population '3'"),
             ({"interval": 5.0}, "interval is 5.0: give a whole number"),
             ({"interval": True}, "interval is True: give a whole number"),
             ({"noise": "a"}, "noise is 'a': give a number"),

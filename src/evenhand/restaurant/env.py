@@ -9,11 +9,10 @@ import numpy as np
 
 from evenhand.core.errors import InputError
 from evenhand.restaurant import state as states
-from evenhand.restaurant.env_base import FACT_NAMES, Source, finished, settings_from
+from evenhand.restaurant.env_base import FACT_NAMES, Source, lanes_of, settings_from
 from evenhand.restaurant.observation import observation_space
 from evenhand.restaurant.pictures import RENDERING, Pictures, rendering
 from evenhand.restaurant.simulation import task
-from evenhand.restaurant.simulation.lanes import Lanes
 
 
 class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
@@ -52,17 +51,20 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
     Service quality only, at the end of the service: 0.2 for a response, up to 0.5 for its
     distance (all of it at 1.0-1.5 m), up to 0.3 for its promptness (all of it within 200 steps),
     -0.5 if the robot was ever nearer than 0.5 m. A perfect service earns 1. Fairness is no
-    property of one service and therefore no part of this reward.
+    property of one service and therefore no part of this reward. Where people tip differently
+    (scenario ``tips``), the reward is what the operator makes of the service, as in training.
 
     ### Information
 
-    ``reset`` gives ``identities`` (codes of the five identities). The last step gives ``facts``:
+    ``reset`` gives ``identities`` (codes of the identities). The last step gives ``facts``:
     the true facts of the service and every reward term by name; what a service without a
     response lacks is NaN.
 
     ### Arguments
 
-    Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``.
+    Those of :class:`RestaurantSettings`, and ``render_mode="rgb_array"`` with ``camera``:
+    ``gymnasium.make("evenhand/Restaurant-v0", scenario="tips")``, or ``scenario=`` a ``World``.
+    With identities of its own, the columns before the last three are their groups.
 
     ### Networks
 
@@ -89,21 +91,22 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
             **settings: of :class:`RestaurantSettings`.
 
         Raises:
-            InputError: for an unknown setting, population, camera or render mode.
+            InputError: for an unknown setting, scenario, population, camera or render mode.
         """
         self.settings = settings_from(settings)
         self._pictures = Pictures(render_mode, camera)
         self.render_mode = render_mode
         self.metadata = rendering(self.settings)
-        self.observation_space = observation_space()
+        self.observation_space = observation_space(len(self.settings.world.groups))
         self.action_space = gym.spaces.Discrete(2)
         self._running = self._begun = False
         self._ids = np.zeros(1, np.int64)
         self._furnish()
 
     def _furnish(self) -> None:
-        self._lanes = Lanes(1, task.TaskSettings(self.settings.interval))
-        self._source = Source(self._lanes, self.settings)
+        world = self.settings.world
+        self._lanes = lanes_of(world, 1)
+        self._source = Source(self._lanes, world)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -141,7 +144,7 @@ class RestaurantEnv(gym.Env[np.ndarray, np.integer[Any]]):
         if not ended:
             return observation, 0.0, False, False, {}
         self._running = False
-        facts, reward = finished(self._lanes, self._ids)
+        facts, reward = self._source.finished(self._ids)
         plain = {name: facts[name][0].item() for name in FACT_NAMES}
         return observation, float(reward[0]), True, False, {"facts": plain}
 

@@ -19,10 +19,10 @@ _CENTRE, _SCALE = (0.3, 0.3, 0.0), (6.0, 3.0, 1.0)
 services. The time likewise."""
 
 
-def observation_space() -> gym.spaces.Box:
-    """What one lane observes, see ``RestaurantEnv``."""
-    high = np.ones(task.OBSERVATION_SIZE, np.float32)
-    high[task.N_GROUPS] = task.DISTANCE_LIMIT
+def observation_space(groups: int = task.N_GROUPS) -> gym.spaces.Box:
+    """What one lane observes of people of so many groups, see ``RestaurantEnv``."""
+    high = np.ones(task.observation_size(groups), np.float32)
+    high[task.DISTANCE] = task.DISTANCE_LIMIT
     return gym.spaces.Box(np.zeros_like(high), high, dtype=np.float32)
 
 
@@ -114,7 +114,7 @@ class ScaleVectorObservation(VectorObservationWrapper[np.ndarray, Any, np.ndarra
 
 def _scaled(space: gym.Space[Any]) -> gym.spaces.Box:
     """The space of scaled observations."""
-    plain = observation_space()
+    plain = observation_space(max(sum(space.shape or ()) + task.DISTANCE, 1))
     if space != plain:
         raise InputError(
             "unsupported environment",

@@ -18,7 +18,7 @@ RENDERING: dict[str, Any] = {"render_modes": MODES, "render_fps": 10}
 
 def rendering(settings: RestaurantSettings) -> dict[str, Any]:
     """The same of an environment with these settings."""
-    return {**RENDERING, "render_fps": round(1 / (floor_plan.TIMESTEP * settings.interval))}
+    return {**RENDERING, "render_fps": round(1 / (floor_plan.TIMESTEP * settings.world.interval))}
 
 
 class Pictures:

@@ -17,7 +17,7 @@ from evenhand.core.errors import InputError
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.env_base import BLOCK, Block, Source
 
-VERSION = 1
+VERSION = 2
 _TRUTH = {
     "next": "i", "distance": "f", "min_distance": "f", "path_length": "f", "contact_steps": "i",
     "steps": "i", "responded": "b",

@@ -15,13 +15,11 @@ from gymnasium.vector.utils import batch_space
 
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
-from evenhand.restaurant import people
 from evenhand.restaurant import state as states
-from evenhand.restaurant.env_base import FACT_NAMES, Source, finished, settings_from
+from evenhand.restaurant.env_base import FACT_NAMES, Source, lanes_of, settings_from
 from evenhand.restaurant.observation import observation_space
 from evenhand.restaurant.pictures import RENDERING, Pictures, rendering
-from evenhand.restaurant.simulation import kernels, task
-from evenhand.restaurant.simulation.lanes import Lanes
+from evenhand.restaurant.simulation import kernels
 
 
 class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -76,7 +74,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.render_mode = render_mode
         self.num_envs = num_envs
         self.metadata = rendering(self.settings) | {"autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = observation_space()
+        self.single_observation_space = observation_space(len(self.settings.world.groups))
         self.single_action_space = gym.spaces.Discrete(2)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -88,10 +86,10 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._furnish()
 
     def _furnish(self) -> None:
-        decide = task.TaskSettings(self.settings.interval)
+        world = self.settings.world
         threads = CORES if self._threads is None else self._threads
-        self._lanes = Lanes(self.num_envs, decide, threads)
-        self._source = Source(self._lanes, self.settings)
+        self._lanes = lanes_of(world, self.num_envs, threads)
+        self._source = Source(self._lanes, world)
 
     def reset(
         self,
@@ -164,7 +162,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if not len(done):
             rewards = np.zeros(self.num_envs)
         else:
-            facts, rewards = finished(self._lanes, done)
+            facts, rewards = self._source.finished(done)
             spread = {"facts": _masked(facts, ended), "_facts": ended}
         if self.autoreset_mode is not AutoresetMode.SAME_STEP:
             info |= spread
@@ -226,8 +224,9 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.set_state(kept["state"])
 
     def _begin(self, ids: np.ndarray) -> dict[str, Any]:
-        identities = np.zeros((self.num_envs, len(people.IDENTITIES)), np.int64)
-        identities[ids] = self._source.begin(ids, self._rngs)
+        asking = self._source.begin(ids, self._rngs)
+        identities = np.zeros((self.num_envs, asking.shape[1]), np.int64)
+        identities[ids] = asking
         begun = np.zeros(self.num_envs, bool)
         begun[ids] = True
         self._ended = self._ended & ~begun

@@ -226,7 +226,7 @@ class World:
             value = getattr(self, one.name)
             strength = one.name in ("population", "perception", "needs", "tips", "prejudice")
             if one.compare and (strength or value != _default(one)):
-                out[one.name] = _plain(value)
+                out[one.name] = plain(value)
         return out
 
 
@@ -248,7 +248,7 @@ def _default(one: Any) -> Any:
     return one.default_factory() if callable(one.default_factory) else one.default
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """A field of a world as JSON; a rule is known by its name."""
     if isinstance(value, Population):
         return value.name
@@ -257,9 +257,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Issue | Fact):
         return value.name
     if isinstance(value, Mapping):
-        return {k.name if isinstance(k, Fact) else k: _plain(v) for k, v in value.items()}
+        return {k.name if isinstance(k, Fact) else k: plain(v) for k, v in value.items()}
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [plain(one) for one in value]
     return getattr(value, "__name__", "rule") if callable(value) else value
 
 

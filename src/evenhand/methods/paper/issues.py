@@ -66,41 +66,57 @@ class Issue:
     needs: tuple[str, ...]
 
 
+def _of_response(x: Facts, name: str) -> np.ndarray:
+    """A fact of the response; missing without one, though a log may hold its last value."""
+    value = x.fact(name)
+    if "responded" in x:
+        value = np.where(x.fact("responded") == 0.0, np.nan, value)
+    return value
+
+
+def _willingness(x: Facts, limit: Thresholds) -> np.ndarray:
+    del limit
+    return 1.0 - x.fact("responded")
+
+
+def _quality(x: Facts, limit: Thresholds) -> np.ndarray:
+    distance = _of_response(x, "response_distance")
+    improper = (distance < limit.nearest) | (distance > limit.farthest)
+    return np.where(np.isnan(distance), np.nan, improper)
+
+
+def _priority(x: Facts, limit: Thresholds) -> np.ndarray:
+    step = _of_response(x, "response_step")
+    return np.where(np.isnan(step), np.nan, step > limit.late)
+
+
+def _risk(x: Facts, limit: Thresholds) -> np.ndarray:
+    least = x.fact("min_distance")
+    return np.where(np.isnan(least), np.nan, least < limit.risk)
+
+
+@dataclass(frozen=True)
+class _Definition:
+    """A definition with its limits. It can be sent to another process, and is equal there."""
+
+    of: Callable[[Facts, Thresholds], np.ndarray]
+    limit: Thresholds
+
+    def __call__(self, x: Facts) -> np.ndarray:
+        return self.of(x, self.limit)
+
+
 def paper_issues(thresholds: Thresholds | None = None) -> tuple[Issue, ...]:
     """Definitions 1-4: willingness, quality, priority, risk.
 
     Quality and priority are said of responses only: a service without one has neither.
     """
     limit = thresholds or Thresholds()
-
-    def willingness(x: Facts) -> np.ndarray:
-        return 1.0 - x.fact("responded")
-
-    def of_response(x: Facts, name: str) -> np.ndarray:
-        """A fact of the response; missing without one, though a log may hold its last value."""
-        value = x.fact(name)
-        if "responded" in x:
-            value = np.where(x.fact("responded") == 0.0, np.nan, value)
-        return value
-
-    def quality(x: Facts) -> np.ndarray:
-        distance = of_response(x, "response_distance")
-        improper = (distance < limit.nearest) | (distance > limit.farthest)
-        return np.where(np.isnan(distance), np.nan, improper)
-
-    def priority(x: Facts) -> np.ndarray:
-        step = of_response(x, "response_step")
-        return np.where(np.isnan(step), np.nan, step > limit.late)
-
-    def risk(x: Facts) -> np.ndarray:
-        least = x.fact("min_distance")
-        return np.where(np.isnan(least), np.nan, least < limit.risk)
-
     return (
-        Issue("willingness", willingness, ("responded",)),
-        Issue("quality", quality, ("response_distance",)),
-        Issue("priority", priority, ("response_step",)),
-        Issue("risk", risk, ("min_distance",)),
+        Issue("willingness", _Definition(_willingness, limit), ("responded",)),
+        Issue("quality", _Definition(_quality, limit), ("response_distance",)),
+        Issue("priority", _Definition(_priority, limit), ("response_step",)),
+        Issue("risk", _Definition(_risk, limit), ("min_distance",)),
     )
 
 
