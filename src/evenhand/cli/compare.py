@@ -35,10 +35,9 @@ class Compare:
     out: Path = CompareSettings.out
     """Folder of report.html, the tables, figures and runs."""
 
-    scenarios: Annotated[tuple[str, ...], arg(metavar="NAME[+NAME] ...")] = (
-        CompareSettings.scenarios
-    )
-    """Where unevenness comes from; several are joined by a plus."""
+    scenarios: Annotated[
+        tuple[str, ...], arg(metavar="NAME[+NAME] ...", help=inputs.scenario_help())
+    ] = CompareSettings.scenarios
 
     arms: Annotated[tuple[str, ...], arg(metavar="ARM[@STRENGTH] ...")] = CompareSettings.arms
     """Methods, or reference and untrained. A strength follows an @, as in levelup@0.5 levelup@2:

@@ -174,7 +174,7 @@ def learn_and_serve(
     else:
         table = evaluate.serve_policy(train.begin(settings), settings, services, seed)
     files.make_folder(folder)
-    test = tables.numbers(table) | {"biased_epochs": biased}
+    test = tables.numbers(table, settings.world.scheme) | {"biased_epochs": biased}
     return test, int(table.fact("steps").sum())
 
 

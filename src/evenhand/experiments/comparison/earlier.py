@@ -10,7 +10,7 @@ from typing import Any
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.experiments.comparison.settings import Cell, checked, computed
-from evenhand.experiments.comparison.tables import METRICS, RESULTS
+from evenhand.experiments.comparison.tables import METRICS, RESULTS, metrics_of
 from evenhand.restaurant import worlds
 from evenhand.training import run_folder
 
@@ -76,7 +76,7 @@ def load(
             "empty file", f"{table} holds no runs: leave it out, or give another table"
         )
     for cell, numbers in results.items():
-        lacking = [name for name in METRICS if name not in numbers]
+        lacking = [name for name in metrics_of(numbers) if name not in numbers]
         if lacking:
             raise InputError(
                 "missing file", f"{table} lacks {', '.join(lacking)} of {cell}: it is cut off"
@@ -157,7 +157,7 @@ def _rows(table: Path) -> Iterable[dict[str, str]]:
 def _parsed(row: dict[str, str], where: str) -> tuple[Cell, str, float | None]:
     if None in row or None in row.values():
         raise InputError("format file", f"{where}: give {len(RESULTS)} columns")
-    if row["metric"] not in METRICS:
+    if row["metric"] not in METRICS and not row["metric"].startswith("corrected_"):
         raise InputError("unknown metric", f"{where}: unknown metric {row['metric']!r}")
     try:
         seed = int(row["seed"])

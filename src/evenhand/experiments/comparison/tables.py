@@ -11,7 +11,8 @@ from evenhand.experiments.comparison import aggregate
 from evenhand.experiments.comparison.aggregate import Estimate
 from evenhand.experiments.comparison.settings import NO_ALGORITHM, Cell, method_of, place
 from evenhand.methods.paper import issues
-from evenhand.methods.paper.scores import count, membership
+from evenhand.methods.paper.scores import count
+from evenhand.methods.scheme import Scheme
 from evenhand.methods.services import Services
 from evenhand.statistics import chance
 from evenhand.training import evaluate
@@ -47,11 +48,26 @@ Values = dict[tuple[str, str, str, str], dict[int, float]]
 """(scenario, algorithm, arm, metric) -> seed -> value; what is missing is left out."""
 
 
-def numbers(table: Services) -> dict[str, float | None]:
+def metrics_of(numbers: Iterable[str]) -> list[str]:
+    """Names of the metrics of a test: those of every comparison, and own issues of a world.
+
+    Args:
+        numbers: names that the test has; where issues are a world's own, the paper's that it has
+            not are left out.
+    """
+    named = list(numbers)
+    own = [name for name in named if name not in METRICS]
+    paper = [f"corrected_{name}" for name in ISSUES]
+    head, *rest = [name for name in METRICS if not own or name in named or name not in paper]
+    return [head, *own, *rest]
+
+
+def numbers(table: Services, scheme: Scheme) -> dict[str, float | None]:
     """The metrics of a test, but for the epochs of its training.
 
     Args:
         table: services, at least one full window.
+        scheme: identities and issues of the world.
 
     Returns:
         corrected_total: total issue score of all services as one window less what chance alone
@@ -60,19 +76,20 @@ def numbers(table: Services) -> dict[str, float | None]:
         perfect_rate; worst_group_rate: the least among the groups with at least 30 services. None
         where nothing is known.
     """
-    x, who = issues.indicators(table), membership(table)
-    scores = chance.excess_scores(count(x, who.inside), who.groups, ISSUES)
+    named = [issue.name for issue in scheme.issues]
+    x, inside = scheme.indicators(table), scheme.inside(scheme.codes(table))
+    scores = chance.excess_scores(count(x, inside), scheme.groups, named)
     good = evaluate.perfect(table)
-    windows = evaluate.window_scores(table).total
+    windows = evaluate.window_scores(table, scheme=scheme).total
     windows = windows[~np.isnan(windows)]
     found = {
         "corrected_total": scores.total,
-        **{f"corrected_{name}": scores.overall[k] for k, name in enumerate(ISSUES)},
+        **{f"corrected_{name}": scores.overall[k] for k, name in enumerate(named)},
         "raw_total": windows.mean() if len(windows) else nan,
         "perfect_rate": good.mean(),
     }
     known = {name: None if np.isnan(value) else float(value) for name, value in found.items()}
-    return known | {"worst_group_rate": evaluate.worst_group_rate(good, who.inside)}
+    return known | {"worst_group_rate": evaluate.worst_group_rate(good, inside)}
 
 
 def tidy(results: Results) -> list[Row]:
@@ -87,14 +104,14 @@ def tidy(results: Results) -> list[Row]:
             "value": results[cell].get(metric),
         }
         for cell in sorted(results, key=place)
-        for metric in METRICS
+        for metric in metrics_of(results[cell])
     ]
 
 
 def _values(results: Results) -> Values:
     found: Values = {}
     for cell in sorted(results, key=place):
-        for metric in METRICS:
+        for metric in metrics_of(results[cell]):
             seeds = found.setdefault((cell.scenario, cell.algorithm, cell.arm, metric), {})
             value = results[cell].get(metric)
             if value is not None:
@@ -118,11 +135,7 @@ def summary(results: Results) -> list[Row]:
         dict.fromkeys((scenario, algorithm, arm) for scenario, algorithm, arm, _ in values)
     )
     uneven = [name for name in dict.fromkeys(head[0] for head in heads) if name != "even"]
-    rows = [
-        _summary_row(values, [scenario], scenario, algorithm, arm, metric)
-        for scenario, algorithm, arm in heads
-        for metric in METRICS
-    ]
+    rows = [_summary_row(values, [head[0]], *head) for head in values]
     if len(uneven) < 2:
         return rows
     everywhere = [
@@ -135,6 +148,7 @@ def summary(results: Results) -> list[Row]:
         _summary_row(values, uneven, ALL, algorithm, arm, metric)
         for algorithm, arm in everywhere
         for metric in METRICS
+        if all((scenario, algorithm, arm, metric) in values for scenario in uneven)
     ]
 
 
