@@ -146,14 +146,15 @@ def _codes(one: Identity, ended: Ended, values: Any) -> np.ndarray:
                 f"group of {one.name!r} in {which(ended, row)}:", str(value), one.groups
             )
             raise InputError(
-                "range identity", f"{found}; or its code, 0 to {last}, -1 where it is not known"
+                f"unknown {one.name}",
+                f"{found}; or its code, 0 to {last}, -1 where it is not known",
             )
     return codes
 
 
 def _no_code(one: Identity, ended: Ended, row: int, value: float) -> InputError:
     return InputError(
-        "range identity",
+        f"range {one.name}",
         f"identity {one.name!r} of {which(ended, row)} is {str(value)[:60]}: give 0 to "
         f"{len(one.groups) - 1}, or -1 where it is not known",
     )

@@ -80,7 +80,7 @@ def unknown(kind: str, name: str, choices: Iterable[str]) -> InputError:
     names = list(choices)
     guess = nearest(name, names)
     hint = f"did you mean {guess!r}? " if guess else ""
-    field = re.split(" (?:of|in|with) ", kind)[0]
+    field = re.split(" (?:of|in|with|from|that) ", kind)[0]
     return InputError(
         f"unknown {field}", f"unknown {kind} {name!r}: {hint}choose one of {', '.join(names)}"
     )

@@ -101,7 +101,7 @@ def load(path: str | Path) -> Detector:
             )
     for name in content:
         if name not in names:
-            raise InputError("unknown file", f"{where}: {unknown('field', name, names)}")
+            raise unknown("field", name, names).at(where)
     try:
         return Detector(
             issues=_names(content, "issues"),
@@ -297,7 +297,9 @@ def _kind(cell: str, biased: bool, known: Mapping[str, str], row: str) -> str | 
         return None
     at = f"{row}, column 'discrimination'"
     if name not in known:
-        raise InputError("unknown kind", f"{at}: {unknown('discrimination', cell, known.values())}")
+        raise unknown("discrimination", cell, known.values()).at(at)
     if not biased:
-        raise InputError("conflict kind", f"{at}: {cell!r} is named in a row that says not biased")
+        raise InputError(
+            "conflict discrimination", f"{at}: {cell!r} is named in a row that says not biased"
+        )
     return known[name]

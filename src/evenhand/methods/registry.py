@@ -368,4 +368,5 @@ def _read(what: str, text: str, like: Any) -> Any:
             return tuple(_read(what, part, first) for part in text.split(","))
         return type(like)(text) if wanted else text
     except (KeyError, ValueError):
-        raise InputError(f"type {what}", f"{what} is {text!r}: give {wanted}") from None
+        field = what.partition(" ")[0]
+        raise InputError(f"type {field}", f"{what} is {text!r}: give {wanted}") from None

@@ -119,7 +119,7 @@ def own_issue(
     needs = (needs,) if isinstance(needs, str) else tuple(needs)
     if not needs:
         raise InputError(
-            f"missing {name}", f"issue {name!r} needs no fact: name those that its rule reads"
+            "missing needs", f"issue {name!r} needs no fact: name those that its rule reads"
         )
 
     def asked(what: str, function: Callable[..., np.ndarray], columns: list[Any]) -> np.ndarray:

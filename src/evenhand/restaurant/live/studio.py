@@ -209,7 +209,7 @@ def listening(bound: socket.socket, wanted: int) -> socket.socket:
                 raise
             if wanted:
                 said = f"port {wanted} is in use: give another one, or leave --port out"
-                raise InputError("unavailable studio", said) from error
+                raise InputError("unavailable port", said) from error
         bound = web_server.bind_public_socket(HOST, 0)
 
 
