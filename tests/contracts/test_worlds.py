@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from evenhand.core import files, plugins
+from evenhand.experiments.comparison import tables
+from evenhand.experiments.comparison.settings import Cell
 from evenhand.methods.paper import issues
 from evenhand.restaurant import people, serve_people, worlds
 from evenhand.restaurant.robots import ScriptedRobot
@@ -134,3 +136,28 @@ def test_who_speaks_another_language_is_missed_more_often_and_waits_as_its_facts
     np.testing.assert_array_equal(world.indicators(done), world.scheme.indicators(table))
     assert [one.name for one in world.issues[:4]] == [one.name for one in issues.PAPER_ISSUES]
     assert world.groups[:22] == people.GROUPS
+
+
+def test_a_comparison_counts_the_issues_of_the_world():
+    """An own rule that says what the paper's risk says has its number, and no more is counted."""
+    willingness, *_, risk = issues.PAPER_ISSUES
+    own = worlds.World(issues=(willingness, replace(risk, name="nearness")))
+    world = worlds.World()
+    done = serve_people.serve_people(
+        world, ScriptedRobot("ageist", 1.0), 300, np.random.default_rng(3)
+    )
+    table = serve_people.table(done, world, "ageist")
+    ours, papers = (tables.numbers(table, one.scheme) for one in (own, world))
+    assert [name for name in ours if name.startswith("corrected_")] == [
+        "corrected_total", "corrected_willingness", "corrected_nearness",
+    ]  # fmt: skip
+    assert ours["corrected_nearness"] == papers["corrected_risk"]
+    assert ours["corrected_willingness"] == papers["corrected_willingness"]
+    cell = Cell("own", "ppo", "service", 0)
+    rows = tables.tidy({cell: ours | {"biased_epochs": 1}})
+    assert [row["metric"] for row in rows] == [
+        "corrected_total", "corrected_nearness", "corrected_willingness", "raw_total",
+        "perfect_rate", "worst_group_rate", "biased_epochs",
+    ]  # fmt: skip
+    summed = {row["metric"]: row["iqm"] for row in tables.summary({cell: ours})}
+    assert summed["corrected_nearness"] == ours["corrected_nearness"]

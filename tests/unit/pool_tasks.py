@@ -30,7 +30,7 @@ def square(
 
 def refuse(*, tell: Tell, why: str) -> None:
     """Refuse wrong input."""
-    raise InputError("format", why)
+    raise InputError("missing file", why)
 
 
 def break_down(*, tell: Tell) -> None:

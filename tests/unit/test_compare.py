@@ -163,6 +163,8 @@ def test_the_commit_is_named_or_missing():
 
 # --- numbers of a test ---
 
+SCHEME = worlds.World().scheme
+
 
 def served(disabled: np.ndarray) -> Services:
     """People who differ in disability alone; the disabled are not responded to, others well."""
@@ -182,7 +184,7 @@ def served(disabled: np.ndarray) -> Services:
 
 
 def test_numbers_by_hand():
-    found = tables.numbers(served(np.arange(120) % 2 == 0))
+    found = tables.numbers(served(np.arange(120) % 2 == 0), SCHEME)
     # all 60 of 60 have the issue; by chance K of the 60 in the group do, and d = |2K - 60| / 60
     k = np.arange(61)
     chance = (hypergeom.pmf(k, 120, 60, 60) * np.abs(2 * k - 60) / 60).sum()
@@ -195,9 +197,9 @@ def test_numbers_by_hand():
 
 
 def test_a_small_group_is_not_the_worst():
-    found = tables.numbers(served(np.arange(120) < 29))
+    found = tables.numbers(served(np.arange(120) < 29), SCHEME)
     assert found["worst_group_rate"] == pytest.approx(91 / 120)
-    assert tables.numbers(served(np.arange(120) < 30))["worst_group_rate"] == 0.0
+    assert tables.numbers(served(np.arange(120) < 30), SCHEME)["worst_group_rate"] == 0.0
 
 
 # --- what seeds say together ---

@@ -103,7 +103,7 @@ class TestFailures:
 
     def test_wrong_input_stays_wrong_input(self, work, tmp_path):
         tasks = self.with_a_long_one(work, tmp_path, work.refuse, why="no such file: give one")
-        with refused("unavailable worker"):
+        with refused("missing file", "no such file: give one"):
             run_all(tasks, 2, silent)
 
     def test_a_defect_keeps_its_traceback_and_says_which_task(self, work, tmp_path):

@@ -197,7 +197,7 @@ def _run_apart(
             elif kind == "result":
                 results[index] = pickle.loads(content)
             elif kind == "input":
-                raise InputError("unavailable worker", content)
+                raise InputError(*content)
             elif kind == "failure":
                 raise RuntimeError(f"{tasks[index].name} failed:\n{content}")
             elif kind == "lost" and content == 0:
@@ -319,7 +319,7 @@ def _work(line: connection.Connection) -> None:
             # here, for what cannot be sent is a failure of the task
             line.send(("result", pickle.dumps(task.run(tell=tell, **task.arguments))))
         except InputError as error:
-            line.send(("input", str(error)))
+            line.send(("input", error.args))
         except Exception:
             line.send(("failure", traceback.format_exc()))
 
