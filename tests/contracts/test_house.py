@@ -247,9 +247,12 @@ def codes_of(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("InputError"):
             code = node.args[0]
             if isinstance(code, ast.JoinedStr):
-                yield code.values[0].value.split(" ")[0], len(code.values) > 1
+                yield (
+                    str(ast.unparse(code.values[0]).strip("'")).split(" ")[0],
+                    len(code.values) > 1,
+                )
             elif isinstance(code, ast.Constant):
-                kind, _, field = code.value.partition(" ")
+                kind, _, field = str(code.value).partition(" ")
                 yield kind, bool(field)
 
 
