@@ -74,7 +74,8 @@ def measure(
     if against is not None:
         if not (against / "src" / "evenhand").is_dir():
             raise InputError(
-                "missing", f"{against} has no src/evenhand: give a checkout of another commit"
+                "missing against",
+                f"{against} has no src/evenhand: give a checkout of another commit",
             )
         sides.append(against)
     spent = np.empty((rounds + 1, len(arms), len(sides), 2))

@@ -83,7 +83,7 @@ def test_numbers_by_hand(tmp_path, monkeypatch, capsys, compared):
 
 
 def test_a_folder_without_the_package_is_no_checkout(tmp_path):
-    with refused("missing"):
+    with refused("missing against"):
         training.measure(tmp_path)
 
 

@@ -168,7 +168,8 @@ def run_each(
             elif kind == "result":
                 end(index, Outcome(pickle.loads(content), attempts=attempts[index]))
             elif kind != "lost":
-                end(index, Outcome(failure=content, attempts=attempts[index]))
+                said = content[1] if kind == "input" else content
+                end(index, Outcome(failure=said, attempts=attempts[index]))
             elif attempts[index] <= retries:
                 tell(Event(index, "lost", reason=_lost(content)))
                 crew.again(index)
