@@ -68,7 +68,7 @@ def measure(seconds: float) -> dict[str, Any]:
         circumstances.
     """
     if not 0.01 <= seconds <= 600:
-        raise InputError("format seconds", f"seconds is {seconds}: give 0.01 to 600")
+        raise InputError("range seconds", f"seconds is {seconds}: give 0.01 to 600")
     actor = Actor(begin(settings_of("service", "ppo", "penalty")).policy)
     works: dict[str, Stepper] = {
         "bare": bare(),

@@ -34,7 +34,7 @@ class Curves:
     def run(self, command: str) -> int:
         """Find the runs, write, print."""
         if not self.to:
-            raise InputError("unknown to", "--to names no sink: give tensorboard, wandb or both")
+            raise InputError("empty to", "--to names no sink: give tensorboard, wandb or both")
         from evenhand.core import terminal
         from evenhand.training import loggers
 

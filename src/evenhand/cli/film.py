@@ -171,7 +171,7 @@ class Film:
             return sources.from_run(str(self.run_folder), services)
         if max(services) >= sources.SERVED:
             raise InputError(
-                "missing services",
+                "range services",
                 f"service {max(services)} does not exist: a scripted robot serves "
                 f"{sources.SERVED} people, give numbers from 0 to {sources.SERVED - 1}",
             )

@@ -145,7 +145,7 @@ class StudyFit:
         except InputError as error:
             told = str(error)
             named = told if str(self.answers) in told else f"{self.answers}: {told}"
-            raise InputError("conflict answers", named) from error
+            raise InputError(error.args[0], named) from error
         detector_file.save(fitted.detector, self.out)
         if strange:
             print(f"note: {strange}", file=sys.stderr)
@@ -189,9 +189,7 @@ class StudySimulate:
         """Simulate, and write or send."""
         whole("seed", self.seed, *_SEEDS)
         if (self.out is None) == (self.url is None):
-            raise InputError(
-                "conflict file", "name either a file with --out or a server with --url"
-            )
+            raise InputError("conflict out", "name either a file with --out or a server with --url")
         if self.pages and self.url is None:
             raise InputError("missing url", "--pages needs a server: name it with --url")
         if self.pages:

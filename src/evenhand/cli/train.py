@@ -114,7 +114,7 @@ class Train:
     def run(self, command: str) -> int:
         """Train and print where the run is."""
         if self.log == ():
-            raise InputError("unknown log", "--log names no sink: give tensorboard, wandb or both")
+            raise InputError("empty log", "--log names no sink: give tensorboard, wandb or both")
         whole("threads", self.threads, *THREADS)
         inputs.load_physics("train")
         from evenhand.core import terminal

@@ -129,5 +129,5 @@ def _check_free(port: int) -> None:
                     "unavailable port", f"port {port} needs special rights: give one from 1024 on"
                 ) from error
             raise InputError(
-                "format port", f"port {port} is in use: give another one, or leave --port out"
+                "unavailable port", f"port {port} is in use: give another one, or leave --port out"
             ) from error

@@ -27,7 +27,7 @@ def remarks(tally: Tally, mapping: Mapping, name: str, alone: bool = False) -> t
     if not alone and all(len(one.groups) < 2 for one in tally.identities):
         shown = ", ".join(f"{one.name} ({', '.join(one.groups)})" for one in tally.identities)
         raise InputError(
-            f"empty {name}",
+            "empty identities",
             f"{name}: every identity has one group only, {shown}: nothing to compare",
         )
     for one in tally.identities:

@@ -98,7 +98,7 @@ class Mapping:
             )
         if self.response_time and (self.asked_at or self.answered_at):
             raise InputError(
-                "duplicate waiting",
+                "duplicate response_time",
                 f"waiting is given twice, by {self.response_time!r} and by "
                 f"{self.asked_at or self.answered_at!r}: name a time or two timestamps",
             )

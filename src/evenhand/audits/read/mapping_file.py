@@ -63,7 +63,7 @@ def _field(key: str, value: Any, at: list[str]) -> Any:
     if key == "depth":
         if isinstance(value, int) and not isinstance(value, bool):
             return value
-        raise InputError("range depth", f"depth must be a whole number from 1 to {DEEPEST}")
+        raise InputError("type depth", f"depth must be a whole number from 1 to {DEEPEST}")
     if key == "bins":
         if not isinstance(value, dict):
             raise InputError(

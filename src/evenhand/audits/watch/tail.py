@@ -85,7 +85,7 @@ class TextTail:
             try:
                 found, self.rest = records(self.rest, self.mark, self.rows + 1)
             except InputError as error:
-                raise InputError("format file", f"{self.path}, {error}") from None
+                raise InputError(error.args[0], f"{self.path}, {error}") from None
             self._take_in(found)
         if len(self.rest) > LONGEST:
             raise InputError(
@@ -230,7 +230,7 @@ class Follower:
                 return self._counted(open_source(part), full)
         except InputError as error:
             raise InputError(
-                "format row", f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
+                error.args[0], f"{error} (rows are counted from the {self.seen + 1:,}. service on)"
             ) from None
 
     def _counted(self, log: Source, services: int) -> Tally:

@@ -41,7 +41,7 @@ def method_of(arm: str) -> tuple[str, float | None]:
     name, mark, text = arm.partition("@")
     if name in CONTROLS:
         if mark:
-            raise InputError(f"unsupported {arm}", f"{arm}: {name} has no strength, drop @{text}")
+            raise InputError("unsupported strength", f"{arm}: {name} has no strength, drop @{text}")
         return name, None
     if name not in registry.names():
         hint = unknown("arm", name, (*CONTROLS, *registry.names()))
@@ -138,7 +138,7 @@ class CompareSettings:
             names = getattr(self, kind)
             one = kind.removesuffix("s")
             if not names:
-                raise InputError(f"missing {one}", f"no {one} is given: name at least one")
+                raise InputError(f"missing {kind}", f"no {one} is given: name at least one")
             if kind in one_way:
                 names = tuple(one_way[kind](name) for name in names)
                 object.__setattr__(self, kind, names)

@@ -191,7 +191,7 @@ def _counted(table: Table, given: Any) -> list[int]:
 def _whole(name: str, value: Any, span: tuple[int, int]) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(
-            f"range {name}", f"{name} is {value!r}: give a whole number from {span[0]} to {span[1]}"
+            f"type {name}", f"{name} is {value!r}: give a whole number from {span[0]} to {span[1]}"
         )
     whole(name, value, *span)
     return value

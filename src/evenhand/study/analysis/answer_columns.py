@@ -107,7 +107,7 @@ def checked(table: pa.Table) -> pa.Table:
                 row = pc.index(known, False).as_py()
                 wrong = unknown(field.name, cells[row].as_py(), _CHOICES[field.name])
                 raise InputError(
-                    f"format {field.name}", f"row {row + 1}, column {field.name!r}: {wrong}"
+                    f"unknown {field.name}", f"row {row + 1}, column {field.name!r}: {wrong}"
                 )
         columns.append(cells)
     checked = pa.Table.from_arrays(columns, schema=LOOSE)

@@ -105,7 +105,7 @@ def _check_scale(asked: pa.Table, question: Question) -> None:
         if text is not None and not _same(text, point):
             shown = "is empty" if np.isnan(point) else f"says {point:g}"
             raise InputError(
-                f"type {question.id}",
+                f"conflict {question.id}",
                 f"{_place(asked, row)}: the value of question {question.id!r} says {text[:40]!r} "
                 f"and its number {shown}: correct one of them",
             )

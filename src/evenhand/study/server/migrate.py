@@ -23,7 +23,7 @@ def version(connection: Connection) -> int | None:
     found = connection.scalar(select(schema.about.c.value).where(schema.about.c.key == "version"))
     if found is None or not found.isdigit():
         raise InputError(
-            "missing database",
+            "format database",
             f"the database has a table {schema.about.name} without a version: it is damaged, "
             "restore a backup or give another --db",
         )

@@ -165,11 +165,11 @@ def _end(walk: _Walk, server: Server) -> None:
         marks = walk.page.evaluate("() => ({...document.documentElement.dataset})")
     except Error as error:
         raise InputError(
-            "unavailable server",
+            "unavailable url",
             f"simulated participant {walk.who + 1} is stuck at {server.url} on the page "
             f"{told or 'that should have opened'!r}: {str(error).splitlines()[0]}",
         ) from error
     if "stopped" in marks:
-        raise InputError("unavailable server", f"{server.url} refused: {marks['stopped']}")
+        raise InputError("unavailable url", f"{server.url} refused: {marks['stopped']}")
     walk.finished = marks["simulated"] == "finished"
     walk.page.context.close()
