@@ -161,14 +161,16 @@ def learn_and_serve(
     biased = None
     if learns(cell.arm):
         run_folder.drop_edited(folder, settings)
+        judge = train.shipped_detector(settings)
         state = run_folder.execute(
             folder,
             settings,
-            train.shipped_detector(settings),
+            judge,
             progress=lambda n: tell(n["services"], {"physics_steps": n["physics_steps"]}),
         )
         table = evaluate.serve_policy(state, settings, services, seed)
-        biased = sum(line["biased_detector"] for line in epoch_log.read(folder))
+        if judge is not None:  # else nobody judged, which is no zero
+            biased = sum(line["biased_detector"] for line in epoch_log.read(folder))
     elif method == "reference":
         table = evaluate.serve_reference(settings.world, services, seed)
     else:

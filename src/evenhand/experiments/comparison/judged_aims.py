@@ -13,7 +13,6 @@ from evenhand.experiments.comparison import aims
 from evenhand.experiments.comparison.aims import Verdict
 from evenhand.experiments.comparison.figures import looks, own
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label, method_of
-from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.style import ARMS
 from evenhand.report.table import say
 from evenhand.statistics.means import Estimate
@@ -137,7 +136,8 @@ def _evenness(c: Comparison, scenario: str, algorithm: str, arm: str) -> Verdict
     if verdict.state != aims.MISSED:
         return verdict
     parts = [
-        (c.estimate(scenario, algorithm, arm, f"corrected_{issue}").mean, issue) for issue in ISSUES
+        (c.estimate(scenario, algorithm, arm, f"corrected_{issue}").mean, issue)
+        for issue in c.issues(scenario)
     ]
     known = [part for part in parts if not isnan(part[0])]
     if not known or own.mean <= 0 or max(known)[0] <= 0:

@@ -83,6 +83,7 @@ def render(comparison: Comparison, drawn: Sequence[Drawn]) -> str:
         full=words.full_table(comparison),
         full_heads=words.FULL_HEADS,
         limits=list(words.limits(comparison)),
+        scored=words.scored(comparison),
         one_seed=comparison.seed_counts == [1],
         settings=html.flat(manifest["settings"]),
         versions=html.flat(manifest["versions"]),

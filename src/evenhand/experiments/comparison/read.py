@@ -112,6 +112,13 @@ class Comparison:
         """Whether this arm was run there."""
         return (scenario, algorithm, arm, "corrected_total") in self._rows
 
+    def issues(self, scenario: str) -> list[str]:
+        """Names of the issues that are scored there."""
+        there = self.summary["scenario"] == scenario
+        metrics = dict.fromkeys(self.summary["metric"][there].tolist())
+        named = [name.removeprefix("corrected_") for name in metrics if "corrected_" in name]
+        return [name for name in named if name != "total"]
+
     def estimate(
         self, scenario: str, algorithm: str, arm: str, metric: str, of: str = "iqm"
     ) -> Estimate:

@@ -78,7 +78,7 @@ def numbers(table: Services, scheme: Scheme) -> dict[str, float | None]:
     """
     named = [issue.name for issue in scheme.issues]
     x, inside = scheme.indicators(table), scheme.inside(scheme.codes(table))
-    scores = chance.excess_scores(count(x, inside), scheme.groups, named)
+    scores = chance.excess_scores(count(x, inside).rounded(), scheme.groups, named)
     good = evaluate.perfect(table)
     windows = evaluate.window_scores(table, scheme=scheme).total
     windows = windows[~np.isnan(windows)]
@@ -147,7 +147,7 @@ def summary(results: Results) -> list[Row]:
     return rows + [
         _summary_row(values, uneven, ALL, algorithm, arm, metric)
         for algorithm, arm in everywhere
-        for metric in METRICS
+        for metric in metrics_of(dict.fromkeys(head[3] for head in values))
         if all((scenario, algorithm, arm, metric) in values for scenario in uneven)
     ]
 

@@ -17,7 +17,9 @@ from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.experiments.comparison.judged_aims import algorithm_label, interval
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label
 from evenhand.experiments.comparison.settings import UNTUNED
+from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.table import say
+from evenhand.restaurant.people import GROUPS, IDENTITIES
 from evenhand.statistics.means import Estimate
 
 SEEDS, SERVICES = 10, 5000
@@ -82,6 +84,22 @@ def scenario_table(c: Comparison) -> list[tuple[str, str, list[tuple[str, list[N
         if lines:
             found.append((scenario, mechanism(scenario), lines))
     return found
+
+
+def scored(c: Comparison) -> str:
+    """What a total is made of: issues and identities, those of own worlds by their scenario."""
+    paper = f"{', '.join(ISSUES)} over {len(GROUPS)} groups"
+    parts = []
+    for scenario in c.scenarios:
+        world = c.manifest.get("worlds", {}).get(scenario, {})
+        if not {"issues", "identities"} & {*world}:
+            parts.append(paper)
+            continue
+        issues = ", ".join(world.get("issues", ISSUES))
+        people = [one[0] for one in world.get("identities", ())] or [i.name for i in IDENTITIES]
+        groups = sum(len(one) - 1 for one in world.get("identities", ())) or len(GROUPS)
+        parts.append(f"in {scenario} {issues} over {groups} groups of {', '.join(people)}")
+    return "; ".join(dict.fromkeys(parts)) or paper
 
 
 def full_table(c: Comparison) -> list[tuple[str, list[list[str]]]]:
