@@ -1,7 +1,7 @@
 // Three curves beside the picture: distance, zone, issues. They share one axis of time, and a cursor.
 
 import { at, type Payload, type Service, zone, ZONES } from "./data";
-import { capital, issueNow, metres, moment, zoneBounds } from "./words";
+import { capital, graded, issueNow, metres, moment, zoneBounds } from "./words";
 
 const WIDE = 400;
 const LEFT = 78;
@@ -44,7 +44,7 @@ export class Curves {
     this.plots = [
       this.plot(parent, "Distance", 176),
       this.plot(parent, "Zone the robot is in", 118),
-      this.plot(parent, "Issues", 118),
+      this.plot(parent, "Issues", 26 + 23 * data.issues.length),
     ];
   }
 
@@ -227,7 +227,7 @@ export class Curves {
         const place: Attributes = fits ? { x: after } : { x: x - 5, "text-anchor": "end" };
         draw(svg, "text", { ...place, y: y + 14, class: "strong" }, `yes, ${time.toFixed(1)} s`);
       } else {
-        const word = met === null ? "does not apply" : "no";
+        const word = met === null ? "does not apply" : `no${graded(met!)}`;
         const fits = end < RIGHT - 108;
         const line = { x1: LEFT, x2: fits ? end : end - 110, y1: y + 9.5, y2: y + 9.5 };
         if (met === null) draw(svg, "line", { class: "void", ...line });

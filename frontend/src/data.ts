@@ -36,7 +36,8 @@ export interface Packed {
   sensed: string;
   shoulder: string;
   beside: string;
-  issues: (0 | 1 | null)[];
+  /** 1, 0, a severity between them, or null where an issue does not apply. */
+  issues: (number | null)[];
   times: (number | null)[];
   outcome: string;
   shape: number[];

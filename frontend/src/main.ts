@@ -67,13 +67,15 @@ function noPicture(sentence: string): void {
 /** Terms stand still, so that only what changes is written. */
 function tableOfFacts(): Record<string, HTMLElement> {
   const made: Record<string, HTMLElement> = {};
-  for (const name of ["Time", "Distance", "Sensed", "Zone", ...data.issues.map(capital)]) {
+  const issues = data.issues.map((name, k) => [`issue ${k}`, capital(name)] as const);
+  const plain = ["Time", "Distance", "Sensed", "Zone"].map((name) => [name.toLowerCase(), name] as const);
+  for (const [key, name] of [...plain, ...issues]) {
     const pair = document.createElement("div");
     const [term, value] = [document.createElement("dt"), document.createElement("dd")];
     term.textContent = name;
     pair.append(term, value);
     facts.append(pair);
-    made[name.toLowerCase()] = value;
+    made[key] = value;
   }
   return made;
 }
@@ -115,8 +117,8 @@ function moved(): void {
   values["distance"]!.textContent = metres(now.distance);
   values["sensed"]!.textContent = metres(now.sensed);
   values["zone"]!.textContent = ZONE_WORDS[now.zone]!;
-  data.issues.forEach((name, k) => {
-    values[name]!.textContent = issueNow(player.service, k, now.seconds, now.ended);
+  data.issues.forEach((_, k) => {
+    values[`issue ${k}`]!.textContent = issueNow(player.service, k, now.seconds, now.ended);
   });
   byId("outcome").textContent = now.ended ? `Outcome: ${player.service.packed.outcome}` : "Outcome: at the end of the service.";
 }

@@ -37,9 +37,15 @@ export function zoneBounds(limits: Payload["limits"], zone: number): string {
 /** How an issue stands at a time: yes from a second on, not so far, no, or it does not apply. */
 export function issueNow(service: Service, k: number, seconds: number, ended: boolean): string {
   const time = service.packed.times[k];
-  if (time != null && seconds >= time - 1e-6) return `yes, from ${time.toFixed(1)}\u00a0s`;
+  const value = service.packed.issues[k]!;
+  if (time != null && seconds >= time - 1e-6) return `yes, from ${time.toFixed(1)}\u00a0s${graded(value)}`;
   if (!ended) return "not so far";
-  return service.packed.issues[k] === null ? "does not apply" : "no";
+  return value === null ? "does not apply" : `no${graded(value)}`;
+}
+
+/** The severity of a graded issue, nothing for a plain one. */
+export function graded(value: number | null): string {
+  return value === null || value === 0 || value === 1 ? "" : `, severity ${value.toFixed(2)}`;
 }
 
 /** A person in words: White, Female, Child, skin III, with a wheelchair. */
@@ -59,8 +65,8 @@ export function category(identity: string, value: string): string {
   return value;
 }
 
-export function issuesOf(data: Payload, service: { issues: (0 | 1 | null)[] }): string[] {
-  return data.issues.filter((_, k) => service.issues[k] === 1);
+export function issuesOf(data: Payload, service: { issues: (number | null)[] }): string[] {
+  return data.issues.filter((_, k) => (service.issues[k] ?? 0) >= 0.5);
 }
 
 export function capital(text: string): string {

@@ -52,7 +52,8 @@ def run_folder(folder: Path, services: int = 60, states_kept: bool = True) -> Pa
     """A folder as a run leaves it, as far as a replay reads it."""
     seen, rows = served(services)
     (folder / "services").mkdir(parents=True)
-    files.write_json(folder / "settings.json", {})
+    noted = {"settings": {"scenario": "even"}, "fingerprints": {}}
+    files.write_json(folder / "settings.json", noted)
     rows.write_parquet(folder / "services" / "000000-000002.parquet")
     if states_kept:
         recordings.keep(folder, [seen[:30], seen[30:]], 2)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL, Robot, Strength
+from evenhand.cli.inputs import OPTIONAL, Plugin, Robot, Strength
 from evenhand.core.errors import InputError, whole
 from evenhand.experiments.settings import SEEDS, TEST_SEED
 
@@ -61,6 +61,8 @@ class Film:
         str | None, arg(metavar="uniform|us|fairface", help_behavior_hint="(default: uniform)")
     ] = None
     """Where people of a scripted robot are drawn from."""
+
+    plugin: Plugin = ()
 
     out: Annotated[Path, arg(metavar="FOLDER")] = Path("out/film")
     """Where clips are written."""

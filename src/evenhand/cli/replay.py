@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from evenhand.cli import inputs
-from evenhand.cli.inputs import OPTIONAL
+from evenhand.cli.inputs import OPTIONAL, Plugin
 from evenhand.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ class Replay:
     title: Annotated[str | None, arg(metavar="TEXT", help_behavior_hint="(the run)")] = None
     """Title of the page."""
 
+    plugin: Plugin = ()
+
     def run(self, command: str) -> int:
         """Read, choose, write."""
         if self.services is not None and self.epoch is not None:
@@ -67,11 +69,13 @@ class Replay:
             )
         recording = recordings.read(self.run_folder)
         table = run.read_services(self.run_folder)
+        named = run.world_of(self.run_folder).issues
         if wanted is None:
-            wanted = replay.choose(table, self.epoch)
+            wanted = replay.choose(table, self.epoch, named)
         some = recording[[recording.row(number) for number in wanted]]
         title = self.title if self.title is not None else f"Services of {self.run_folder.name}"
-        replay.write(some, table, self.out, title=title, note=self._note(table))
+        note = self._note(table)
+        replay.write(some, table, self.out, title=title, note=note, named=named)
         print(self.out)
         return 0
 

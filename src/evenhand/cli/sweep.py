@@ -41,10 +41,15 @@ class Sweep:
     To begin: evenhand sweep --example > sweep.toml, then: evenhand sweep sweep.toml
     """
 
-    file: Annotated[Positional[Path | None], arg(metavar="FILE", help_behavior_hint="(needed)")] = (
-        None
-    )
-    """TOML file of the sweep."""
+    file: Annotated[
+        Positional[Path | None],
+        arg(
+            metavar="FILE",
+            help_behavior_hint="(needed)",
+            help="TOML file of the sweep. Its scenarios: "
+            f"{inputs.registered('evenhand.restaurant.worlds', inputs.SCENARIOS)}.",
+        ),
+    ] = None
 
     out: Annotated[
         Path | None, arg(metavar="FOLDER", help_behavior_hint="(default: out/NAME, by the file)")

@@ -25,7 +25,8 @@ def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage
         services: their numbers, in the order wanted.
 
     Raises:
-        InputError: when the run has no states, lacks one of the services, or is damaged.
+        InputError: when the run has no states, lacks one of the services, or is damaged, or when
+            its scenario is not known.
     """
     extras.require("train", "the folder of a run")
     from evenhand.training import run_folder
@@ -40,7 +41,8 @@ def from_run(folder: str | os.PathLike[str], services: Sequence[int]) -> Footage
                 f"{folder} holds no facts of service {number} yet: let the run go on to its next "
                 "checkpoint",
             )
-    return Footage(seen, facts.take(np.array([row_of[number] for number in services])))
+    rows = np.array([row_of[number] for number in services])
+    return Footage(seen, facts.take(rows), run_folder.world_of(folder).issues)
 
 
 def from_robot(
@@ -75,4 +77,4 @@ def recorded(world: World, robot: AnyRobot, services: int, seed: int, name: str)
     rng = np.random.default_rng(seed)
     done = serve_people.serve_people(world, robot, services, rng, recorded=True)
     assert done.seen is not None
-    return Footage(done.seen, serve_people.table(done, world, name))
+    return Footage(done.seen, serve_people.table(done, world, name), world.issues)

@@ -28,6 +28,7 @@ from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Services
 from evenhand.restaurant import worlds
 from evenhand.restaurant.simulation.recording import Recording
+from evenhand.restaurant.worlds import World
 from evenhand.training import checkpoint, epoch_log, policy, recordings, train
 from evenhand.training.checkpoint import State
 from evenhand.training.memory import Memory
@@ -191,6 +192,35 @@ def read_services(folder: str | os.PathLike[str]) -> Services:
             "missing folder", f"{folder} holds no services: it is no run folder, or nothing ran yet"
         )
     return Services.concat([Services.read_parquet(path) for path in found])
+
+
+def world_of(folder: str | os.PathLike[str]) -> World:
+    """The world that a run was trained in.
+
+    Raises:
+        InputError: when the folder holds no run, or its scenario is not known here or was edited.
+    """
+    path = Path(folder) / "settings.json"
+    if not path.exists():
+        raise InputError(
+            "missing folder", f"{folder} holds no run: there is no settings.json in it"
+        )
+    noted = files.read_record(path, "settings", "fingerprints")
+    name = noted["settings"]["scenario"]
+    for one in name.split("+"):
+        if one not in worlds.names():
+            raise InputError(
+                "unknown scenario",
+                f"{folder} was trained in scenario {one!r}, which is not known here: "
+                "name its file by --plugin",
+            )
+    for source, text in worlds.sources(name).items():
+        if noted["fingerprints"].get(source) != text:
+            raise InputError(
+                "changed scenario",
+                f"the file of {source} was edited since {folder} was trained: restore it",
+            )
+    return worlds.scenario(name)
 
 
 def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerState]:

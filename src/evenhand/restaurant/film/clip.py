@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import PAPER_ISSUES, Issue, indicators, named
 from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.drawing import dressing
@@ -29,17 +29,19 @@ class Footage:
     Attributes:
         seen: who stood where, and where the robot was.
         facts: what happened.
+        issues: what can go wrong, as their world says.
     """
 
     seen: Recording
     facts: Services
+    issues: tuple[Issue, ...] = PAPER_ISSUES
 
     def __len__(self) -> int:
         return len(self.seen)
 
     def take(self, rows: Sequence[int]) -> Footage:
         """Some of the services, in this order."""
-        return Footage(self.seen[rows], self.facts.take(np.array(rows, np.int64)))
+        return Footage(self.seen[rows], self.facts.take(np.array(rows, np.int64)), self.issues)
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,10 @@ def pictures(footage: Footage, row: int, style: Style, screen: Screen) -> Iterat
         for _ in range(1 + (before if number == 0 else 0)):
             yield picture
     if style.caption != "none":
-        said = (outcome if style.caption == "outcome" else response)(footage.facts, row)
+        plain = style.caption == "response"
+        said = (
+            response(footage.facts, row) if plain else outcome(footage.facts, row, footage.issues)
+        )
         picture = picture.copy()
         signs.lay(picture, [signs.caption(said, *size)])
         for _ in range(after):
@@ -190,10 +195,9 @@ def shoot(
     return Shot(*encoder.write(path, told()))
 
 
-def issues_of(facts: Services, row: int) -> list[str]:
-    """Names of the issues that a service has."""
-    found = issues.indicators(facts.take(np.array([row])))[0]
-    return [one.name for one, has in zip(issues.PAPER_ISSUES, found, strict=True) if has == 1.0]
+def issues_of(facts: Services, row: int, issues: tuple[Issue, ...] = PAPER_ISSUES) -> list[str]:
+    """Names of the issues that a service has, see ``issues.named``."""
+    return named(issues, indicators(facts.take(np.array([row])), issues)[0])
 
 
 def response(facts: Services, row: int) -> list[str]:
@@ -202,7 +206,7 @@ def response(facts: Services, row: int) -> list[str]:
     return ["The robot responds." if responded else "The robot does not respond."]
 
 
-def outcome(facts: Services, row: int) -> list[str]:
+def outcome(facts: Services, row: int, issues: tuple[Issue, ...] = PAPER_ISSUES) -> list[str]:
     """How a service ended, and its issues, in two lines."""
     if facts.fact("responded")[row] == 1.0:
         seconds = facts.fact("response_step")[row] * floor_plan.TIMESTEP
@@ -210,7 +214,7 @@ def outcome(facts: Services, row: int) -> list[str]:
         first = f"Responded after {seconds:.2f} s at {metres:.2f} m"
     else:
         first = f"No response within {facts.fact('steps')[row] * floor_plan.TIMESTEP:.2f} s"
-    names = issues_of(facts, row)
+    names = issues_of(facts, row, issues)
     many = "Issues" if len(names) > 1 else "Issue"
     return [first, f"{many}: {', '.join(names)}" if names else "No issue"]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from mujoco.studio import messages, plugin
 from mujoco.studio.dear_imgui import dear_imgui as gui
 
+from evenhand.methods.scheme import Scheme
 from evenhand.restaurant.live import words
 from evenhand.restaurant.live.shift import Moment
 
@@ -39,8 +40,8 @@ class LookedAtEvent(messages.Event):
 class Panel(plugin.ViewerPlugin):
     """Tells beside the picture who is served, how it stands, and what has been counted."""
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    def __init__(self, title: str, scheme: Scheme) -> None:
+        self._title, self._scheme = title, scheme
         self._known: MomentSnapshot | None = None
         self._alone = True
         self._page = (0.0, 0.0)
@@ -73,17 +74,16 @@ class Panel(plugin.ViewerPlugin):
             gui.TextWrapped(self._title)
             self._build_faster(self._known.faster)
             gui.SeparatorText(f"Service {moment.number}")
-            _table("person", words.person(moment.codes))
+            _table("person", words.person(moment.codes, self._scheme))
             gui.Separator()
             _table("progress", words.progress(moment))
             gui.SeparatorText("Issues")
-            _table(
-                "issues", [(f"{name}: {rule}", say) for name, rule, say in words.verdicts(moment)]
-            )
+            verdicts = words.verdicts(moment, self._scheme)
+            _table("issues", [(f"{name}: {rule}", say) for name, rule, say in verdicts])
             for heading, outcome in (("This service", moment.outcome), ("Before", moment.last)):
                 if outcome is not None:
                     gui.SeparatorText(f"{heading}: {outcome.number}")
-                    gui.TextWrapped(words.ending(outcome))
+                    gui.TextWrapped(words.ending(outcome, self._scheme))
             gui.SeparatorText("Counted so far")
             self._build_counts(moment)
         gui.End()
@@ -104,16 +104,16 @@ class Panel(plugin.ViewerPlugin):
             gui.SameLine()
         gui.TextUnformatted("real time")
 
-    @staticmethod
-    def _build_counts(moment: Moment) -> None:
+    def _build_counts(self, moment: Moment) -> None:
         style = gui.TableFlags
         flags = int(style.RowBg) | int(style.BordersInnerV) | int(style.SizingFixedFit)
-        own = {f"{name}: {category}" for name, category in words.person(moment.codes)}
-        if gui.BeginTable("counts", 2 + len(words.ISSUES), flags):
-            for heading in ("group", "n", *words.ISSUES):
+        own = {f"{name}: {category}" for name, category in words.person(moment.codes, self._scheme)}
+        names = self._scheme.issue_names
+        if gui.BeginTable("counts", 2 + len(names), flags):
+            for heading in ("group", "n", *names):
                 gui.TableSetupColumn(heading)
             gui.TableHeadersRow()
-            for name, services, found in words.counts(moment.tally):
+            for name, services, found in words.counts(moment.tally, self._scheme):
                 gui.TableNextRow()
                 for text in (name, services, *found):
                     gui.TableNextColumn()

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from evenhand.methods.paper import issues
+from evenhand.methods.scheme import Scheme
 from evenhand.restaurant import floor_plan, people, robots, worlds
+from evenhand.restaurant.scheme import SCHEME
 from evenhand.restaurant.serve_people import draw, engine
-from evenhand.restaurant.simulation import driving, serve, task
+from evenhand.restaurant.simulation import driving, serve
 from evenhand.restaurant.simulation.lanes import Facts
 from evenhand.restaurant.simulation.physics import simulation_of
 from evenhand.restaurant.worlds import AnyRobot, World
@@ -77,8 +78,8 @@ class Service:
 
     @property
     def codes(self) -> np.ndarray:
-        """The five identities of the person who asks, int64 [5]."""
-        return self.drawn.setups.asking[self.row]
+        """Identities of the person who asks, those of the world, int64 [D]."""
+        return self.drawn.setups.codes[self.row]
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,9 @@ class Outcome:
 
     Attributes:
         number: of the service, from 1.
-        codes: identities of the person, int64 [5].
+        codes: identities of the person, int64 [D].
         facts: of this one service.
-        issues: 1 (issue), 0 (none), NaN (does not apply), [4], in the order of
-            ``issues.PAPER_ISSUES``.
+        issues: 1 (issue), 0 (none), a severity between them, NaN (does not apply), [K].
     """
 
     number: int
@@ -101,12 +101,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Tally:
-    """What has been counted so far; one entry for each of the 22 groups, and last for everybody.
+    """What has been counted so far; one entry for each of the G groups, and last for everybody.
 
     Attributes:
-        services: int64 [23].
-        applies: services to which an issue applies, int64 [23, 4].
-        found: those of them that have it, int64 [23, 4].
+        services: int64 [G + 1].
+        applies: services to which an issue applies, int64 [G + 1, K].
+        found: those of them that have it, or have half its severity or more, int64 [G + 1, K].
     """
 
     services: np.ndarray
@@ -114,18 +114,19 @@ class Tally:
     found: np.ndarray
 
     @classmethod
-    def empty(cls) -> Tally:
+    def empty(cls, scheme: Scheme = SCHEME) -> Tally:
         """Nothing counted yet."""
-        rows, kinds = task.N_GROUPS + 1, len(issues.PAPER_ISSUES)
+        rows, kinds = len(scheme.groups) + 1, len(scheme.issues)
         return cls(*(np.zeros(shape, np.int64) for shape in (rows, (rows, kinds), (rows, kinds))))
 
-    def plus(self, outcome: Outcome) -> Tally:
+    def plus(self, outcome: Outcome, scheme: Scheme = SCHEME) -> Tally:
         """With one more service."""
-        inside = np.append(people.encode(outcome.codes[None])[0] > 0.5, True)
+        encoded = people.encode(outcome.codes[None], scheme.identities)
+        inside = np.append(encoded[0] > 0.5, True)
         return Tally(
             self.services + inside,
             self.applies + np.outer(inside, ~np.isnan(outcome.issues)),
-            self.found + np.outer(inside, outcome.issues == 1.0),
+            self.found + np.outer(inside, outcome.issues >= 0.5),
         )
 
 
@@ -135,7 +136,7 @@ class Moment:
 
     Attributes:
         number: of the service, from 1.
-        codes: identities of the person who asks, int64 [5].
+        codes: identities of the person who asks, int64 [D].
         steps: physics steps since it began.
         distance: true distance of robot and person, metres.
         least: least true distance so far, metres.
@@ -183,7 +184,7 @@ class Shift:
         self._engine = engine(cast.world, 1)
         self._lanes = self._engine.one
         self._drawn = self._draw(np.random.default_rng(seed))
-        self._tally, self._last = Tally.empty(), None
+        self._tally, self._last = Tally.empty(cast.world.scheme), None
         self.now, self.coming = next(self._drawn), next(self._drawn)
         self._begin()
 
@@ -200,6 +201,7 @@ class Shift:
         self._lanes.begin(_ONE, drawn.beginning, np.array([row]))
         self._model, self.data = simulation_of(drawn.setups, row)
         self.outcome: Outcome | None = None
+        self._kept = serve.empty(drawn, recorded=False)
         self._decide()
 
     def proceed(self) -> None:
@@ -252,16 +254,21 @@ class Shift:
     def _decide(self) -> None:
         known = self._lanes.observe()
         self._chance = float(self.now.robot(known, np.array([self.now.row]))[0])
-        decision = self._steps // self.cast.world.interval
-        if self.now.drawn.uniform[self.now.row, decision] < self._chance:
+        row, decision = self.now.row, self._steps // self.cast.world.interval
+        responds = self.now.drawn.uniform[row, decision] < self._chance
+        self._kept.observation[row, decision] = known[0]
+        self._kept.action[row, decision] = responds
+        self._kept.mask[row, decision] = 1.0
+        if responds:
             self._lanes.respond(_ONE)
             self._end()
 
     def _end(self) -> None:
-        facts, codes = self._lanes.facts(_ONE), self.now.codes
-        found = issues.indicators(facts)[0]
+        facts, codes, world = self._lanes.facts(_ONE), self.now.codes, self.cast.world
+        kept = (part[self.now.row][None] for part in self._kept[:3])
+        found = world.indicators(serve.Trajectories(facts, codes[None], *kept))[0]
         self.outcome = Outcome(self.now.number, codes, facts, found)
-        self._tally = self._tally.plus(self.outcome)
+        self._tally = self._tally.plus(self.outcome, world.scheme)
 
     @property
     def moment(self) -> Moment:

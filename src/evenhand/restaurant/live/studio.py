@@ -114,7 +114,7 @@ class Stage(step_control.StepControl):
 
     def _tell(self) -> None:
         if self.shift.outcome is not None:
-            self._told(words.line(self.shift.outcome))
+            self._told(words.line(self.shift.outcome, self.shift.cast.world.scheme))
             self._rested = 0.0
 
     @messages.handler(priority=messages.Priority.INTERNAL)
@@ -237,7 +237,7 @@ def show(
         app.App(looks),
         stage,
         sim_history.SimHistory(),
-        Panel(title),
+        Panel(title, shift.cast.world.scheme),
     ]
     viewers, sims = plugin.split_plugins(parts)
     open_now = threading.Event()

@@ -5,20 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.methods.paper import issues
-from evenhand.restaurant import floor_plan, people
+from evenhand.methods.scheme import Scheme
+from evenhand.restaurant import floor_plan
 from evenhand.restaurant.live.shift import Moment, Outcome, Tally
+from evenhand.restaurant.scheme import SCHEME
 
-ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
 OPEN, YES, NO, NONE = "open", "yes", "no", "does not apply"
 """What can be said of an issue: ``open`` until it is settled."""
+OWN = "an issue of this world, known at the end"
 _LIMIT = issues.Thresholds()
 
 
-def person(codes: np.ndarray) -> list[tuple[str, str]]:
-    """Identity and category of a person, int64 [5]."""
+def person(codes: np.ndarray, scheme: Scheme = SCHEME) -> list[tuple[str, str]]:
+    """Identity and category of a person, int64 [D]."""
     return [
         (identity.name, identity.groups[code])
-        for identity, code in zip(people.IDENTITIES, codes, strict=True)
+        for identity, code in zip(scheme.identities, codes, strict=True)
     ]
 
 
@@ -39,12 +41,13 @@ def progress(moment: Moment) -> list[tuple[str, str]]:
     ]
 
 
-def verdicts(moment: Moment) -> list[tuple[str, str, str]]:
+def verdicts(moment: Moment, scheme: Scheme = SCHEME) -> list[tuple[str, str, str]]:
     """Every issue of the present service: name, when it is one, and what is known so far.
 
     What cannot be undone is said at once: a risky distance, and that it is late for any response.
+    An issue of the world's own is judged by the facts of the whole service, so at its end.
     """
-    rules = (
+    paper = (
         "no response",
         f"response not at {_LIMIT.nearest:.1f}-{_LIMIT.farthest:.1f} m",
         f"response after {_LIMIT.late:.0f} steps",
@@ -54,17 +57,23 @@ def verdicts(moment: Moment) -> list[tuple[str, str, str]]:
         said = [_settled(value) for value in moment.outcome.issues]
     else:
         late = "late by now" if moment.steps > _LIMIT.late else OPEN
-        said = [OPEN, OPEN, late, YES if moment.least < _LIMIT.risk else OPEN]
-    return list(zip(ISSUES, rules, said, strict=True))
+        now = (OPEN, OPEN, late, YES if moment.least < _LIMIT.risk else OPEN)
+        so_far = dict(zip(issues.PAPER_ISSUES, now, strict=True))
+        said = [so_far.get(issue, OPEN) for issue in scheme.issues]
+    rules = dict(zip(issues.PAPER_ISSUES, paper, strict=True))
+    explained = [rules.get(issue, OWN) for issue in scheme.issues]
+    return list(zip(scheme.issue_names, explained, said, strict=True))
 
 
 def _settled(value: float) -> str:
     if np.isnan(value):
         return NONE
+    if 0.0 < value < 1.0:
+        return f"severity {value:.2f}"
     return YES if value else NO
 
 
-def ending(outcome: Outcome) -> str:
+def ending(outcome: Outcome, scheme: Scheme = SCHEME) -> str:
     """How a service ended, and its issues, in one line."""
     facts = outcome.facts
     after = timer(int(facts.steps[0]))
@@ -74,19 +83,19 @@ def ending(outcome: Outcome) -> str:
         what = f"a response after {after}, at {facts.distance[0]:.2f} m, went unnoticed"
     else:
         what = f"no response in {after}"
-    found = [name for name, value in zip(ISSUES, outcome.issues, strict=True) if value == 1.0]
+    found = issues.named(scheme.issues, outcome.issues)
     return f"{what}; issues: {', '.join(found) or 'none'}"
 
 
-def line(outcome: Outcome) -> str:
+def line(outcome: Outcome, scheme: Scheme = SCHEME) -> str:
     """A finished service in one line of the terminal."""
-    who = ", ".join(f"{name} {category}" for name, category in person(outcome.codes))
-    return f"service {outcome.number} ({who}): {ending(outcome)}"
+    who = ", ".join(f"{name} {category}" for name, category in person(outcome.codes, scheme))
+    return f"service {outcome.number} ({who}): {ending(outcome, scheme)}"
 
 
-def counts(tally: Tally) -> list[tuple[str, str, list[str]]]:
-    """Everybody first, then the 22 groups: name, services, and issues of those they apply to."""
-    names = [f"{identity}: {category}" for identity, category in people.GROUPS] + ["everybody"]
+def counts(tally: Tally, scheme: Scheme = SCHEME) -> list[tuple[str, str, list[str]]]:
+    """Everybody first, then the groups: name, services, and issues of those they apply to."""
+    names = [f"{identity}: {category}" for identity, category in scheme.groups] + ["everybody"]
     rows = [
         (
             name,

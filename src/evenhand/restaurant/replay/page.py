@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from evenhand import __version__
 from evenhand.core import files, templates
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.replay import looks, services
@@ -32,6 +34,7 @@ def write(
     *,
     title: str = TITLE,
     note: str = "",
+    named: Sequence[Issue] = PAPER_ISSUES,
 ) -> Path:
     """Write recorded services as one page that can be played, sought and filtered.
 
@@ -44,6 +47,7 @@ def write(
         path: of the HTML file.
         title: of the page; plain text.
         note: stands under the title, for instance how the services were chosen; plain text.
+        named: issues of the world.
 
     Returns:
         The path.
@@ -58,7 +62,7 @@ def write(
             f"{len(recording)} services are to be replayed: name 1 to {services.MOST} of them",
         )
     script = read_script()
-    page = render(payload(recording, table), script, title, note)
+    page = render(payload(recording, table, named), script, title, note, named)
     target = Path(path)
     files.write_text(target, page)
     return target
@@ -81,7 +85,9 @@ def read_script() -> str:
         ) from None
 
 
-def payload(recording: Recording, table: Services) -> dict[str, Any]:
+def payload(
+    recording: Recording, table: Services, named: Sequence[Issue] = PAPER_ISSUES
+) -> dict[str, Any]:
     """Everything that the script is told, as JSON holds it.
 
     Raises:
@@ -90,7 +96,7 @@ def payload(recording: Recording, table: Services) -> dict[str, Any]:
     rows = table.take(services.rows_of(recording, table))
     guests = looks.figures(recording)
     limits = issues.Thresholds()
-    packed = services.pack(recording, rows)
+    packed = services.pack(recording, rows, named)
     for row, service in enumerate(packed):
         service["shape"] = guests.shape[row].tolist()
         service["coat"] = guests.coat[row].tolist()
@@ -107,7 +113,7 @@ def payload(recording: Recording, table: Services) -> dict[str, Any]:
             "farthest": limits.farthest,
             "risk": limits.risk,
         },
-        "issues": list(services.ISSUES),
+        "issues": [issue.name for issue in named],
         "identities": identities,
         "scene": looks.still(),
         "figures": guests.shapes,
@@ -117,7 +123,13 @@ def payload(recording: Recording, table: Services) -> dict[str, Any]:
     }
 
 
-def render(content: dict[str, Any], script: str, title: str, note: str = "") -> str:
+def render(
+    content: dict[str, Any],
+    script: str,
+    title: str,
+    note: str = "",
+    named: Sequence[Issue] = PAPER_ISSUES,
+) -> str:
     """The page as text.
 
     Args:
@@ -125,6 +137,7 @@ def render(content: dict[str, Any], script: str, title: str, note: str = "") -> 
         script: as ``read_script`` reads it.
         title: of the page; plain text.
         note: stands under the title; plain text.
+        named: issues of the world.
     """
     limits = issues.Thresholds()
     return templates.fill(
@@ -132,6 +145,12 @@ def render(content: dict[str, Any], script: str, title: str, note: str = "") -> 
         _TEMPLATES,
         title=title,
         note=note,
+        paper=[issue.name for issue in named if issue in PAPER_ISSUES],
+        own=[issue.name for issue in named if issue not in PAPER_ISSUES],
+        drawn=[name for name in ("age", "disability", "skin") if name in content["identities"]],
+        undrawn=[
+            name for name in content["identities"] if name not in ("age", "disability", "skin")
+        ],
         limits={
             "risk": limits.risk,
             "nearest": limits.nearest,

@@ -13,6 +13,7 @@ import numpy as np
 
 from evenhand.core.errors import InputError
 from evenhand.methods.paper import issues
+from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.replay import looks
@@ -30,17 +31,18 @@ TURN_GRID = 32767.0
 """Steps to 1 of a quaternion."""
 NOTHING = -32768
 """Stands for what is missing."""
-ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
-"""Names of the four issues, in the order of all columns here."""
 
 
-def choose(table: Services, epoch: int | None = None) -> list[int]:
+def choose(
+    table: Services, epoch: int | None = None, named: Sequence[Issue] = PAPER_ISSUES
+) -> list[int]:
     """Numbers of 30 services that are worth a look, in order.
 
     Args:
         table: services to choose from.
         epoch: the first 30 services of this epoch. By default, the latest services of all: five
             with each issue, as far as there are such, and as many others as there is room for.
+        named: issues of the world.
 
     Raises:
         InputError: when there is no such epoch, or no service at all.
@@ -58,12 +60,12 @@ def choose(table: Services, epoch: int | None = None) -> list[int]:
                 f"{np.nanmax(epochs):.0f}",
             )
         return number[rows[:SHOWN]].tolist()
-    met = issues.indicators(table) == 1.0
+    met = issues.indicators(table, named) >= 0.5
     wanted = np.zeros(len(number), bool)
     for k in range(met.shape[1]):
         wanted[np.flatnonzero(met[:, k])[-EACH:]] = True
     others = np.flatnonzero(~wanted)
-    room = SHOWN - int(wanted.sum())
+    room = max(SHOWN - int(wanted.sum()), 0)
     wanted[others[len(others) - min(room, len(others)) :]] = True
     return sorted(number[wanted].tolist())
 
@@ -86,29 +88,35 @@ def rows_of(recording: Recording, table: Services) -> np.ndarray:
 
 
 def issue_times(
-    recording: Recording, indicators: np.ndarray, limits: issues.Thresholds
+    recording: Recording,
+    indicators: np.ndarray,
+    limits: issues.Thresholds,
+    named: Sequence[Issue] = PAPER_ISSUES,
 ) -> np.ndarray:
     """When each issue becomes true.
 
     Risk begins when the distance falls below its limit, taken as straight between two poses.
-    Priority begins at the step after which a response is late. Willingness and quality are known
-    at the end.
+    Priority begins at the step after which a response is late. All others are known
+    at the end, those of a world's own too.
 
     Args:
         recording: N services.
-        indicators: of the four issues in the paper's order, 1, 0 or NaN, [N, 4].
+        indicators: of the issues, 1, 0, a severity or NaN, [N, K].
         limits: the limits of the issues.
+        named: the issues.
 
     Returns:
-        Seconds since the service began, [N, 4]; NaN for an issue that it does not have.
+        Seconds since the service began, [N, K]; NaN for an issue that it does not have.
     """
     tick = recording.interval * floor_plan.TIMESTEP
     end = (recording.frames - 1) * tick
     risk = [_risk_time(d[:n], limits.risk) * tick for d, n in zip(
         recording.distance, recording.frames, strict=True)]  # fmt: skip
     late = np.full(len(recording), limits.late * floor_plan.TIMESTEP)
-    times = np.stack([end, end, np.minimum(late, end), np.array(risk)], axis=1)
-    return np.where(indicators == 1.0, times, np.nan)
+    begins = (end, end, np.minimum(late, end), np.array(risk))
+    known = dict(zip(PAPER_ISSUES, begins, strict=True))
+    times = np.stack([known.get(issue, end) for issue in named], axis=1)
+    return np.where(indicators >= 0.5, times, np.nan)
 
 
 def _risk_time(distance: np.ndarray, limit: float) -> float:
@@ -123,15 +131,18 @@ def _risk_time(distance: np.ndarray, limit: float) -> float:
     return k - 1 + float((before - limit) / (before - after))
 
 
-def pack(recording: Recording, table: Services) -> list[dict[str, Any]]:
+def pack(
+    recording: Recording, table: Services, named: Sequence[Issue] = PAPER_ISSUES
+) -> list[dict[str, Any]]:
     """What the page needs of every service, but for how guests look.
 
     Args:
         recording: N services.
         table: their rows, in the same order.
+        named: issues of the world.
     """
-    indicators = issues.indicators(table)
-    times = issue_times(recording, indicators, issues.Thresholds())
+    indicators = issues.indicators(table, named)
+    times = issue_times(recording, indicators, issues.Thresholds(), named)
     who = [_names(table, name) for name in table.identities]
     out = []
     for row in range(len(recording)):
@@ -152,9 +163,9 @@ def pack(recording: Recording, table: Services) -> list[dict[str, Any]]:
                 "sensed": coded(recording.sensed[row, :n]),
                 "shoulder": _coded_views(shoulder),
                 "beside": _coded_views(beside),
-                "issues": [None if np.isnan(x) else int(x) for x in indicators[row]],
+                "issues": [_value(x) for x in indicators[row]],
                 "times": [None if np.isnan(t) else round(float(t), 4) for t in times[row]],
-                "outcome": outcome(table, row, indicators[row]),
+                "outcome": outcome(table, row, indicators[row], named),
             }
         )
     return out
@@ -172,7 +183,19 @@ def _coded_views(views: np.ndarray) -> str:
     return base64.b64encode(np.rint(steps).astype("<i2").tobytes()).decode()
 
 
-def outcome(table: Services, row: int, indicators: np.ndarray) -> str:
+def _value(indicator: float) -> float | None:
+    """1, 0, or a severity that no rounding takes over the half that makes it an issue."""
+    if np.isnan(indicator):
+        return None
+    return int(indicator) if indicator in (0.0, 1.0) else float(indicator)
+
+
+def outcome(
+    table: Services,
+    row: int,
+    indicators: np.ndarray,
+    named: Sequence[Issue] = PAPER_ISSUES,
+) -> str:
     """How a service ended, as sentences."""
     step, distance, steps, least = (
         float(table.fact(name)[row])
@@ -191,8 +214,12 @@ def outcome(table: Services, row: int, indicators: np.ndarray) -> str:
         f"later than {limits.late * floor_plan.TIMESTEP:.1f} s",
         f"as near as {least:.2f} m",
     )
-    why = dict(zip(ISSUES, reasons, strict=True))
-    met = [f"{name} ({why[name]})" for name, x in zip(why, indicators, strict=True) if x == 1.0]
+    why = dict(zip(PAPER_ISSUES, reasons, strict=True))
+    met = []
+    for issue, x in zip(named, indicators, strict=True):
+        reason = why.get(issue, "" if x == 1.0 else f"severity {x:.2f}")
+        if x >= 0.5:
+            met.append(f"{issue.name} ({reason})" if reason else issue.name)
     if not met:
         return f"{said} No issue."
     return f"{said} {'Issue' if len(met) == 1 else 'Issues'}: {', '.join(met)}."
