@@ -2,13 +2,16 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 import evenhand as ev
 from evenhand.core.errors import InputError
-from evenhand.experiments.comparison import read, tables, words
+from evenhand.experiments.comparison import tables, words
+from evenhand.experiments.comparison.read import Comparison
 from evenhand.experiments.comparison.settings import Cell
 from evenhand.methods.paper.issues import PAPER_ISSUES, Thresholds
 from evenhand.restaurant import robots, serve_people, worlds
@@ -56,10 +59,9 @@ def test_a_comparison_scores_graded_issues_and_pools_own_ones(served):
 def test_the_page_of_a_comparison_names_what_is_scored_in_each_world():
     manifest = {"worlds": {"fewer": FEWER.described(), "even": ev.World().described()}}
 
-    class Told(read.Comparison):
-        scenarios = ["even", "fewer"]  # noqa: RUF012 - stands in for a table
-
-    told = words.scored(Told(None, None, None, manifest))
+    told = words.scored(
+        cast(Comparison, SimpleNamespace(scenarios=["even", "fewer"], manifest=manifest))
+    )
     paper, own = told.split("; ")
     assert paper == "willingness, quality, priority, risk over 22 groups"
     assert own == "in fewer Waiting, willingness over 4 groups of gender, language"
