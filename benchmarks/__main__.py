@@ -53,7 +53,7 @@ class Bench:
         """Measure and print."""
         if self.against is not None and self.what not in ("train", "all"):
             raise InputError(
-                "format against", f"--against does nothing with --what {self.what}: leave it out"
+                "conflict against", f"--against does nothing with --what {self.what}: leave it out"
             )
         found: dict[str, Any] = {}
         parts = {

@@ -214,7 +214,7 @@ class TestWrongUse:
 
     @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
     def test_render_mode(self, make):
-        with refused("unknown render mode", "'human'"):
+        with refused("unknown render_mode", "'human'"):
             make(render_mode="human")
 
     @pytest.mark.parametrize("make", [RestaurantEnv, RestaurantVectorEnv])
@@ -327,5 +327,5 @@ class TestWrongUse:
             RestaurantVectorEnv(2, threads=threads)
 
     def test_an_unknown_autoreset_mode(self):
-        with refused("unknown autoreset mode", "'Same'"):
+        with refused("unknown autoreset_mode", "'Same'"):
             RestaurantVectorEnv(1, "Same")

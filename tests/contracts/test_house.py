@@ -94,6 +94,12 @@ def test_a_room_is_short_enough_to_read(path):
     assert len(path.read_text().splitlines()) <= LONGEST
 
 
+def test_the_papers_idea_is_read_in_one_sitting():
+    paper = [path for path in SOURCES if path.parent.match("methods/paper")]
+    assert len(paper) == 6
+    assert sum(len(path.read_text().splitlines()) for path in paper) < 1000
+
+
 def test_there_are_rooms():
     assert ROOT / "src" / "evenhand" / "__init__.py" in SOURCES
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from evenhand.methods.paper import losses
+from evenhand.training import diagnostics
 
 N, L = 3, 5  # one shape, so that each function compiles once
 NUMBERS = st.floats(-10, 10, width=32)
@@ -98,9 +99,9 @@ def test_masked_places_change_no_result(a, b, rubbish, log_prob, old, mask, shar
             losses.reinforce_loss(p, x, mask),
             losses.ppo_loss(p, q, x, mask, 0.2),
             losses.value_loss(x, y, mask),
-            losses.approx_kl(p, q, mask),
-            losses.clip_fraction(p, q, mask, 0.2),
-            losses.explained_variance(x, y, mask),
+            diagnostics.approx_kl(p, q, mask),
+            diagnostics.clip_fraction(p, q, mask, 0.2),
+            diagnostics.explained_variance(x, y, mask),
         ]
 
     for clean, soiled in zip(results(np.asarray), results(soil), strict=True):
@@ -119,10 +120,10 @@ def test_an_unchanged_policy_loses_minus_the_mean_advantage(log_prob, advantage,
     found = losses.ppo_loss(log_prob, log_prob, advantage, mask, 0.2)
     expected = -advantage[mask > 0].astype(float).mean()
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
-    assert losses.approx_kl(log_prob, log_prob, mask) == 0
-    assert losses.clip_fraction(log_prob, log_prob, mask, 0.2) == 0
+    assert diagnostics.approx_kl(log_prob, log_prob, mask) == 0
+    assert diagnostics.clip_fraction(log_prob, log_prob, mask, 0.2) == 0
 
 
 @given(LOG_PROBS, LOG_PROBS, MASKS)
 def test_the_measure_of_change_is_never_negative(log_prob, old, mask):
-    assert losses.approx_kl(log_prob, old, mask) >= -1e-6
+    assert diagnostics.approx_kl(log_prob, old, mask) >= -1e-6

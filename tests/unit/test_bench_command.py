@@ -60,7 +60,7 @@ def test_a_commit_to_train_against(measured, monkeypatch):
     monkeypatch.setattr(training, "measure", lambda against: given.append(against) or {})
     assert Bench(what="train", against=Path("old"), json=True).run("") == 0
     assert given == [Path("old")]
-    with refused("format against", "--against", "--what"):
+    with refused("conflict against", "--against", "--what"):
         Bench(what="audit", against=Path("old")).run("")
     assert measured == []
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evenhand.methods.paper import losses
+from evenhand.training import diagnostics
 
 NAN = float("nan")
 
@@ -149,29 +150,29 @@ def test_entropy_by_hand():
     # Even odds: ln 2. Odds 1:3: ¼ ln 4 + ¾ ln(4/3) = ln 4 - ¾ ln 3.
     both = jnp.log(jnp.array([[0.5, 0.5], [0.25, 0.75], [0.1, 0.9]]))
     expected = (math.log(2) + math.log(4) - 0.75 * math.log(3)) / 2
-    assert losses.entropy(both, np.array([1, 1, 0])) == pytest.approx(expected, rel=1e-6)
+    assert diagnostics.entropy(both, np.array([1, 1, 0])) == pytest.approx(expected, rel=1e-6)
 
 
 def test_approx_kl_by_hand():
     # r = 2: 1 - ln 2; r = ½: -½ + ln 2; their mean is ¼.
-    found = losses.approx_kl(np.log([0.5, 0.25]), np.log([0.25, 0.5]), np.ones(2))
+    found = diagnostics.approx_kl(np.log([0.5, 0.25]), np.log([0.25, 0.5]), np.ones(2))
     assert found == pytest.approx(0.25, rel=1e-6)
 
 
 def test_clip_fraction_by_hand():
     # Ratios 1.5, 0.5, 1.1, 1 and a masked 9: two of four are outside 1 ± 0.2.
     new, old = np.log([0.75, 0.25, 0.55, 0.5, 0.9]), np.log([0.5, 0.5, 0.5, 0.5, 0.1])
-    assert losses.clip_fraction(new, old, np.array([1, 1, 1, 1, 0]), 0.2) == 0.5
+    assert diagnostics.clip_fraction(new, old, np.array([1, 1, 1, 1, 0]), 0.2) == 0.5
 
 
 def test_explained_variance_by_hand():
     # Var(0, 2, 4) = 8/3; residuals 0, 0, 3 have mean 1 and variance 2; 1 - 2 / (8/3) = ¼.
     target, mask = np.array([0.0, 2.0, 4.0, NAN]), np.array([1, 1, 1, 0])
-    found = losses.explained_variance(np.array([0.0, 2.0, 1.0, 5.0]), target, mask)
+    found = diagnostics.explained_variance(np.array([0.0, 2.0, 1.0, 5.0]), target, mask)
     assert found == pytest.approx(0.25, rel=1e-6)
-    assert losses.explained_variance(target, target, mask) == 1.0
+    assert diagnostics.explained_variance(target, target, mask) == 1.0
 
 
 def test_explained_variance_of_a_constant_is_not_a_number():
     target = np.full(7, 0.1, np.float32)
-    assert math.isnan(losses.explained_variance(np.arange(7.0), target, np.ones(7)))
+    assert math.isnan(diagnostics.explained_variance(np.arange(7.0), target, np.ones(7)))

@@ -161,7 +161,7 @@ def test_a_dataset_is_never_replaced(folder, tmp_path):
 
 @pytest.mark.parametrize("name", ["x", "../x-v0", "a/b-v0", "x v0", "", "-x-v0", "é-v0"])
 def test_names_that_minari_or_a_folder_would_not_take(name):
-    with refused("format dataset"):
+    with refused("format name"):
         minari_data.Dataset(name)
 
 

@@ -115,6 +115,14 @@ def test_wandb_holds_every_epoch_once(interrupted, tag, name):
     ]
 
 
+def test_issues_of_an_own_world_stand_with_the_totals():
+    line = {"epoch": 0, "total": 1.0, "Waiting": 0.5, "total_language": 0.25, "perfect_rate": 0.75}
+    assert loggers.scalars(line | {"biased_detector": True, "update_clipped": 2}) == {
+        "issues/total": 1.0, "issues/Waiting": 0.5, "issues/total_language": 0.25,
+        "service/perfect_rate": 0.75, "verdict/biased_detector": 1.0, "update/clipped": 2.0,
+    }  # fmt: skip
+
+
 def test_a_sink_changes_nothing_else(interrupted, tmp_path, content):
     train(tmp_path / "plain", ())
     plain = content(tmp_path / "plain")

@@ -95,7 +95,7 @@ def test_an_attempt_that_was_given_up_changes_nothing(run, out, content):
     keeper.begin(PATH)
     before = content(out / PATH)
     fill(run, checkpoint_npz="c2 longer")
-    with refused("missing file", "00"):
+    with refused("changed file", "00"):
         carrier(run, keeper, old).send()
     assert content(out / PATH) == before
 

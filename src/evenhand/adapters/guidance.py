@@ -69,7 +69,7 @@ class JudgeSettings:
             return np.ones(len(names))
         for name in (*self.tau, *names):
             if name not in names:
-                raise unknown("issue in tau", name, names)
+                raise unknown("issue in tau", name, names, "tau")
             if name not in self.tau:
                 raise InputError(
                     "missing tau", f"tau has no weight for issue {name!r}: give one for each"
@@ -280,4 +280,4 @@ class Guide:
 
     def _excess(self, counts: Counts) -> float:
         groups, names = self._scheme.groups, self._scheme.issue_names
-        return float(chance.excess_scores(counts, groups, names).total)
+        return float(chance.excess_scores(counts.rounded(), groups, names).total)

@@ -197,7 +197,8 @@ def mode_of(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
     try:
         return AutoresetMode(said)
     except ValueError:
-        raise unknown("autoreset mode", str(said), [m.value for m in AutoresetMode]) from None
+        modes = [mode.value for mode in AutoresetMode]
+        raise unknown("autoreset mode", str(said), modes, "autoreset_mode") from None
 
 
 def statistics_of(env: VectorEnv[Any, Any, Any]) -> tuple[str, ...]:

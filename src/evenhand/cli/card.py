@@ -75,7 +75,7 @@ class Card:
 
     def _check(self) -> None:
         if self.out.suffix != ".md":
-            raise InputError("format out", f"{self.out} does not end in .md: give such a file")
+            raise InputError("unknown file", f"{self.out} does not end in .md: give such a file")
         if self.out.is_dir():
             raise InputError("conflict out", f"{self.out} is a folder: give the name of a file")
         if not self.file.exists():

@@ -189,5 +189,5 @@ def check_ending(path: Path, endings: tuple[str, ...]) -> None:
     """
     if path.suffix not in endings:
         raise InputError(
-            "format file", f"{path} does not end in {' or '.join(endings)}: give such a file"
+            "unknown file", f"{path} does not end in {' or '.join(endings)}: give such a file"
         )

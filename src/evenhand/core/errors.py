@@ -69,18 +69,19 @@ def nearest(name: str, choices: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def unknown(kind: str, name: str, choices: Iterable[str]) -> InputError:
+def unknown(kind: str, name: str, choices: Iterable[str], field: str | None = None) -> InputError:
     """An error for a name that does not exist, with the nearest one that does.
 
     Args:
         kind: what was named, for instance "population".
         name: what was given.
         choices: the names that exist.
+        field: of the error; None for the noun of ``kind``.
     """
     names = list(choices)
     guess = nearest(name, names)
     hint = f"did you mean {guess!r}? " if guess else ""
-    field = re.split(" (?:of|in|with|from|that) ", kind)[0]
+    field = field or re.split(" (?:of|in|with|from|that) ", kind)[0]
     return InputError(
         f"unknown {field}", f"unknown {kind} {name!r}: {hint}choose one of {', '.join(names)}"
     )

@@ -306,3 +306,17 @@ def _once(kind: str, names: Sequence[str]) -> None:
 def _fits(kind: type, column: pa.DataType) -> bool:
     fits = {bool: pa.types.is_boolean, int: pa.types.is_integer, float: pa.types.is_floating}
     return fits[kind](column)
+
+
+def named(issues: Sequence[Issue], found: np.ndarray) -> list[str]:
+    """Issues that a service has, a graded one from 0.5 on and with its severity.
+
+    Args:
+        issues: K of them.
+        found: row of ``indicators``, [K].
+    """
+    return [
+        one.name if value == 1.0 else f"{one.name} {value:.2f}"
+        for one, value in zip(issues, found, strict=True)
+        if value >= 0.5
+    ]

@@ -80,7 +80,7 @@ def read_table(
     for column, kind in schema.items():
         place = header.index(column)
         cells = [
-            _cell(row[place], kind, f"{path}: row {number}, column {column!r}")
+            _cell(row[place], kind, column, f"{path}: row {number}, column {column!r}")
             for number, row in enumerate(rows, start=2)
         ]
         bare = kind.rstrip("?")
@@ -122,31 +122,31 @@ def _csv_rows(path: Path) -> tuple[list[str], list[list[str]]]:
     return lines[0], lines[1:]
 
 
-def _cell(text: str, kind: str, where: str) -> str | int | float:
+def _cell(text: str, kind: str, column: str, where: str) -> str | int | float:
     text = text.strip()
     bare, optional = kind.rstrip("?"), kind.endswith("?")
     if bare == "text":
         if not text and not optional:
-            raise InputError("empty cell", f"{where} is empty; write a name")
+            raise InputError(f"empty {column}", f"{where} is empty; write a name")
         if any(ord(letter) < 32 and letter != "\t" for letter in text):
-            raise InputError("format cell", f"{where} holds a control character; remove it")
+            raise InputError(f"format {column}", f"{where} holds a control character; remove it")
         return text
     if optional and text.lower() in ("", "nan"):
         return math.nan
     if bare == "flag":
         flags = {"true": 1.0, "false": 0.0, "1": 1.0, "0": 0.0}
         if text.lower() not in flags:
-            raise InputError("type cell", f"{where} is {text!r}; write true or false")
+            raise InputError(f"type {column}", f"{where} is {text!r}; write true or false")
         return flags[text.lower()]
     try:
         value = int(text) if bare == "int" else float(text)
     except ValueError:
         noun = "a whole number" if bare == "int" else "a number"
-        raise InputError("type cell", f"{where} is {text!r}; write {noun}") from None
+        raise InputError(f"type {column}", f"{where} is {text!r}; write {noun}") from None
     if not math.isfinite(value):
-        raise InputError("range cell", f"{where} is {text!r}; write a finite number")
+        raise InputError(f"range {column}", f"{where} is {text!r}; write a finite number")
     if bare == "share" and not 0 <= value <= 1:
-        raise InputError("range cell", f"{where} is {text!r}; write a share between 0 and 1")
+        raise InputError(f"range {column}", f"{where} is {text!r}; write a share between 0 and 1")
     return value
 
 

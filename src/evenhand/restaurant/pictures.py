@@ -37,7 +37,7 @@ class Pictures:
             InputError: for an unknown mode or camera, or where OpenGL cannot be found.
         """
         if mode is not None and mode not in MODES:
-            raise unknown("render mode", mode, MODES)
+            raise unknown("render mode", mode, MODES, "render_mode")
         if camera not in dressing.CAMERAS:
             raise unknown("camera", camera, dressing.CAMERAS)
         self.camera = camera

@@ -66,7 +66,7 @@ class RestaurantVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             modes = [mode.value for mode in AutoresetMode]
-            raise unknown("autoreset mode", str(autoreset_mode), modes) from None
+            raise unknown("autoreset mode", str(autoreset_mode), modes, "autoreset_mode") from None
         if max_episode_steps not in (None, -1):
             whole("max_episode_steps", max_episode_steps, 1, sys.maxsize)
         self._limit = None if max_episode_steps == -1 else max_episode_steps

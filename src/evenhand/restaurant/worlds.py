@@ -120,7 +120,7 @@ class World:
             return known
         for name in self.shares:
             if name not in self._names:
-                raise unknown("identity in shares", name, self._names)
+                raise unknown("identity in shares", name, self._names, "shares")
         return known.altered(self.identities, self.shares)
 
     @property
@@ -174,7 +174,7 @@ class World:
     def _column(self, group: str) -> int:
         names = [f"{identity}={one}" for identity, one in self.groups]
         if group not in names:
-            raise unknown("group in missed", group, names)
+            raise unknown("group in missed", group, names, "missed")
         return names.index(group)
 
     def told(self, done: serve.Trajectories) -> dict[str, np.ndarray]:

@@ -19,7 +19,6 @@ from typing import Any, Protocol
 
 from evenhand.core import extras, files
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.paper.issues import PAPER_ISSUES
 from evenhand.training import epoch_log
 
 SINKS = ("tensorboard", "wandb")
@@ -32,15 +31,9 @@ _SECTIONS = {
     "reflection_": "reflection",
     "guard_": "guard",
     "time_": "time",
-    "total_": "issues",
     "biased_": "verdict",
 }
-_WHOLE_NAMES = {
-    "total": "issues",
-    "missing_gaps": "issues",
-    "probability": "verdict",
-    **{issue.name: "issues" for issue in PAPER_ISSUES},
-}
+_WHOLE_NAMES = {"missing_gaps": "issues", "probability": "verdict"}
 _FLUSH_EVERY = 5.0
 """Seconds after which what was written is to be seen by others."""
 
@@ -67,11 +60,19 @@ def scalars(numbers: Mapping[str, Any]) -> dict[str, float]:
     Args:
         numbers: an epoch as ``run.execute`` tells it, or as a line of ``epochs.jsonl``.
     """
+    issues = _issues(numbers)
     return {
-        _tag(name): float(value)
+        f"issues/{name}" if name in issues else _tag(name): float(value)
         for name, value in numbers.items()
         if name != "epoch" and isinstance(value, int | float)
     }
+
+
+def _issues(numbers: Mapping[str, Any]) -> list[str]:
+    """The total, the world's issues and the totals of its identities, which stand together."""
+    names = list(numbers)
+    totals = [i for i, name in enumerate(names) if name == "total" or name.startswith("total_")]
+    return names[totals[0] : totals[-1] + 1] if totals else []
 
 
 def _tag(name: str) -> str:
@@ -79,8 +80,7 @@ def _tag(name: str) -> str:
         return f"{_WHOLE_NAMES[name]}/{name}"
     for prefix, section in _SECTIONS.items():
         if name.startswith(prefix):
-            # the tag of a total keeps its name, for the issues beside it have none
-            kept = name if section in ("issues", "verdict") else name.removeprefix(prefix)
+            kept = name if section == "verdict" else name.removeprefix(prefix)
             return f"{section}/{kept}"
     return f"service/{name}"
 

@@ -206,14 +206,7 @@ def world_of(folder: str | os.PathLike[str]) -> World:
             "missing folder", f"{folder} holds no run: there is no settings.json in it"
         )
     noted = files.read_record(path, "settings", "fingerprints")
-    name = noted["settings"]["scenario"]
-    for one in name.split("+"):
-        if one not in worlds.names():
-            raise InputError(
-                "unknown scenario",
-                f"{folder} was trained in scenario {one!r}, which is not known here: "
-                "name its file by --plugin",
-            )
+    name = _known_scenario(noted["settings"], folder)
     for source, text in worlds.sources(name).items():
         if noted["fingerprints"].get(source) != text:
             raise InputError(
@@ -221,6 +214,17 @@ def world_of(folder: str | os.PathLike[str]) -> World:
                 f"the file of {source} was edited since {folder} was trained: restore it",
             )
     return worlds.scenario(name)
+
+
+def _known_scenario(noted: dict[str, Any], folder: str | os.PathLike[str]) -> str:
+    for one in noted["scenario"].split("+"):
+        if one not in worlds.names():
+            raise InputError(
+                "unknown scenario",
+                f"{folder} was trained in scenario {one!r}, which is not known here: "
+                "name its file by --plugin",
+            )
+    return noted["scenario"]
 
 
 def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerState]:
@@ -234,6 +238,7 @@ def load_policy(folder: str | os.PathLike[str]) -> tuple[TrainSettings, LearnerS
     if not path.exists():
         raise InputError("missing folder", f"{root} holds no run: there is no settings.json in it")
     noted = _noted(path)
+    _known_scenario(noted["settings"], root)
     settings = _from_dict(TrainSettings, noted["settings"], path)
     if not (root / "checkpoint.npz").exists():
         raise InputError(

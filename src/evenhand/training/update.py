@@ -21,7 +21,7 @@ import optax
 
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods.paper import losses
-from evenhand.training import surgery
+from evenhand.training import diagnostics, surgery
 from evenhand.training.batches import Decisions, Trajectories, deal, pack
 from evenhand.training.policy import ActorCritic, PolicySettings, make_policy
 
@@ -213,11 +213,11 @@ def _objective(
     total = (
         policy_part
         + settings.value_coefficient * value_part
-        - settings.entropy_coefficient * losses.entropy(log_probabilities, batch.mask)
+        - settings.entropy_coefficient * diagnostics.entropy(log_probabilities, batch.mask)
     )
     if anchor is not None:
         held = anchor.policy.log_probabilities(batch.obs)
-        total = total + anchor.weight * losses.divergence(held, log_probabilities, batch.mask)
+        total = total + anchor.weight * diagnostics.divergence(held, log_probabilities, batch.mask)
     return total, (policy_part, value_part)
 
 
@@ -284,10 +284,10 @@ def _steps(
     report = {
         "policy_loss": jnp.mean(policy_loss),
         "value_loss": jnp.mean(value_loss),
-        "entropy": losses.entropy(log_probabilities, mask),
-        "approx_kl": losses.approx_kl(after, before, mask),
-        "clip_fraction": losses.clip_fraction(after, before, mask, settings.clip),
-        "explained_variance": losses.explained_variance(value_before, decisions.target, mask),
+        "entropy": diagnostics.entropy(log_probabilities, mask),
+        "approx_kl": diagnostics.approx_kl(after, before, mask),
+        "clip_fraction": diagnostics.clip_fraction(after, before, mask, settings.clip),
+        "explained_variance": diagnostics.explained_variance(value_before, decisions.target, mask),
         "grad_norm": jnp.mean(grad_norm),
     }
     return LearnerState(policy=policy, opt_state=opt_state, step=state.step + 1), report

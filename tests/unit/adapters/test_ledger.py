@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evenhand.adapters import JudgeSettings, Ledger
+from evenhand.adapters import Fact, JudgeSettings, Ledger, Scheme, own_issue
 from evenhand.core.errors import InputError
 from evenhand.methods import registry
 from evenhand.methods.paper import detector
 from evenhand.statistics.verdicts import VerdictSettings
-from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add
+from support.ledgers import FIRST, LEFT, RIGHT, SCHEME, add, ended
 from support.refusals import refused
 
 
@@ -206,3 +206,22 @@ def test_a_detector_of_something_else_is_refused():
 def test_nothing_to_judge():
     with refused("empty services"):
         Ledger(SCHEME).verdicts(np.random.default_rng(0))
+
+
+def test_a_published_rival_takes_graded_issues():
+    """Severities add up to 1.5 of 2 against 0.5 of 2: like 2 of 2 against 0 of 2, rounded."""
+    scheme = Scheme(
+        SCHEME.identities,
+        (Fact("wait", float, least=0.0),),
+        (own_issue("slow", ["wait"], lambda wait: wait / 10, graded=True),),
+    )
+    waits = {"graded": [10.0, 5.0, 0.0, 5.0], "whole": [10.0, 10.0, 0.0, 0.0]}
+    multiplier = {}
+    for name, wait in waits.items():
+        chosen = registry.create("lagrangian@0.1")
+        ledger = Ledger(scheme, JudgeSettings(4, chosen))
+        ledger.add(ended([LEFT, LEFT, RIGHT, RIGHT]), {"wait": np.array(wait)}, afterwards=False)
+        multiplier[name] = ledger.guide.past.memory.lam
+    # excess over chance: |d| is 1, and 1/3 for an even robot; rate times what is above the limit
+    rate = registry.create("lagrangian@0.1").rate
+    assert multiplier == {name: pytest.approx(rate * (2 / 3 - 0.1)) for name in waits}

@@ -232,5 +232,5 @@ def test_a_vector_environment_has_to_say_how_it_resets():
     with refused("missing autoreset_mode"):
         JudgeVectorServices(env, SCHEME, facts_of)
     env.metadata = {"autoreset_mode": "nextstep"}
-    with refused("unknown autoreset mode", "'nextstep'"):
+    with refused("unknown autoreset_mode", "'nextstep'"):
         JudgeVectorServices(env, SCHEME, facts_of)

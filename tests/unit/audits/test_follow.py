@@ -239,10 +239,10 @@ def test_what_is_wrong_in_new_records_names_the_file(tmp_path, more, said):
 def test_a_watch_needs_rows_and_takes_no_strata(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("n,group,responded\n1,a")  # no record is whole yet
-    with refused("format file", "log.csv"):
+    with refused("empty file", "log.csv"):
         begin(path)
     path.write_bytes(as_csv())
-    with refused("format file", "--within"):
+    with refused("unsupported within", "--within"):
         tail.follower(
             str(path), None, None, 6, lambda s: api.mapping_for(s, None, {"within": ("group",),
                                                                          "identities": ("n",)})

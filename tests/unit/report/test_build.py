@@ -233,6 +233,6 @@ def test_a_malformed_table_stops_the_report_before_anything_is_written(
 ) -> None:
     folder = experiment(seeds=(0,), epochs=2, windows=10)
     rewrite(folder / "data" / "test.csv", lambda row: row.update(perfect_rate="high"))
-    with refused("type cell", "test.csv", "2", "'perfect_rate'", "'high'"):
+    with refused("type perfect_rate", "test.csv", "2", "'perfect_rate'", "'high'"):
         build(folder)
     assert not (folder / "figures").exists()

@@ -131,7 +131,7 @@ def test_what_cannot_be_is_refused(tmp_path):
         Answers.of_rows([*rows, rows[0]])
     with refused("conflict participant"):
         Answers.of_rows([*rows, row("abcdefgh", "end", "say", simulated=True)])
-    with refused("format row", "2", "'position'", "'first'"):
+    with refused("type position", "2", "'position'", "'first'"):
         Answers.of_rows([rows[0], row("b", "end", "say", position="first")])
     table = some().table
     views = table["views"].cast(pa.float64())
@@ -205,7 +205,7 @@ def test_a_file_that_another_program_wrote(tmp_path):
     assert read(path).table["views"].to_pylist() == [1, None]
     frame["views"] = 1.5
     frame.to_csv(path, index=False)
-    with refused("format row", "'views'", "'1.5'"):
+    with refused("type views", "'views'", "'1.5'"):
         read(path)
     frame.to_csv(path, index=False, sep=";")
     with refused("format file", "';'"):

@@ -101,7 +101,7 @@ def test_one_simulated_answer_makes_the_source_simulated():
 def test_who_is_meant_has_to_be_said_where_there_are_both():
     made = participants.answers(protocol(), 5, 0, participants.Habits(leaves=0))
     both = Answers.of_rows([*crowd(3).rows(), *made.rows()])
-    with refused("conflict participants", "3", "5", "--who"):
+    with refused("conflict who", "3", "5", "--who"):
         fit_detector.chosen(both, None)
     assert len(fit_detector.chosen(both, "simulated").participants) == 5
     assert len(fit_detector.chosen(both, "both").participants) == 8

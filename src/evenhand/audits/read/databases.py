@@ -68,7 +68,7 @@ def open_table(url: str, table: str | None) -> tuple[Table, str, dict[str, Any],
     name = shown(url)
     scheme = name.partition("://")[0].lower()
     if scheme not in ENGINES:
-        raise unknown("kind of database", scheme, ENGINES)
+        raise unknown("kind of database", scheme, ENGINES, "database")
     if scheme in EXTRAS:
         extras.require(EXTRAS[scheme], name)
     engine: Engine | None = None

@@ -84,9 +84,10 @@ class Mapping:
             if isinstance(getattr(self, several), str):  # one name, not its letters
                 object.__setattr__(self, several, (getattr(self, several),))
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
-            raise unknown("unit of time", self.time_unit, TIME_UNITS)
+            raise unknown("unit of time", self.time_unit, TIME_UNITS, "time_unit")
         if self.distance_unit is not None and self.distance_unit not in DISTANCE_UNITS:
-            raise unknown("unit of distance", self.distance_unit, DISTANCE_UNITS)
+            units = DISTANCE_UNITS
+            raise unknown("unit of distance", self.distance_unit, units, "distance_unit")
         if not 1 <= self.depth <= DEEPEST:
             raise InputError(
                 "range depth", f"depth is {self.depth}: give a whole number from 1 to {DEEPEST}"
@@ -105,7 +106,7 @@ class Mapping:
         for name, edges in self.bins.items():
             check_edges(name, edges)
             if self.identities and name not in self.identities:
-                raise unknown("identity to bin", name, self.identities)
+                raise unknown("identity to bin", name, self.identities, "bins")
         used: dict[str, str] = {}
         for role, column in self.roles():
             # a time or a distance can be compared as a measure as well

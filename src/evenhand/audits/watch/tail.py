@@ -319,4 +319,4 @@ def _apart(path: Path, content: bytes) -> Iterator[Path]:
         try:
             yield part
         except InputError as error:
-            raise InputError("format file", str(error).replace(str(part), str(path))) from None
+            raise InputError(error.args[0], str(error).replace(str(part), str(path))) from None

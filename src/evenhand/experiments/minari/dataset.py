@@ -52,7 +52,7 @@ class Dataset:
     def __post_init__(self) -> None:
         if not _ID.fullmatch(self.name):
             raise InputError(
-                "format dataset",
+                "format name",
                 f"a dataset cannot be called {self.name!r}: give letters, digits, - and _, and a "
                 "version at the end, as restaurant-ppo-v0",
             )

@@ -99,7 +99,7 @@ def chosen(robot: str) -> tuple[str, ...]:
     if robot == EVERY:
         return tuple(SIGNATURES)
     if robot not in SIGNATURES:
-        raise unknown("robot with a signature in the paper", robot, [EVERY, *SIGNATURES])
+        raise unknown("robot with a signature in the paper", robot, [EVERY, *SIGNATURES], "robot")
     return (robot,)
 
 

@@ -57,7 +57,7 @@ class Keeper:
             InputError: when another attempt has begun, or a file cannot be written.
         """
         if self._numbers.get(path) != number:
-            raise InputError("missing file", f"{path} was given to another machine")
+            raise InputError("changed file", f"{path} was given to another machine")
         folder = files.make_folder(self._out / path)
         files.sweep(folder)
         for name in reversed(listed(folder)):

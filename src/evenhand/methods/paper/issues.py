@@ -123,20 +123,6 @@ def paper_issues(thresholds: Thresholds | None = None) -> tuple[Issue, ...]:
 PAPER_ISSUES = paper_issues()
 
 
-def named(issues: Sequence[Issue], found: np.ndarray) -> list[str]:
-    """Issues that a service has, a graded one from 0.5 on and with its severity.
-
-    Args:
-        issues: K of them.
-        found: row of ``indicators``, [K].
-    """
-    return [
-        one.name if value == 1.0 else f"{one.name} {value:.2f}"
-        for one, value in zip(issues, found, strict=True)
-        if value >= 0.5
-    ]
-
-
 def indicators(facts: Facts, issues: Sequence[Issue] = PAPER_ISSUES) -> np.ndarray:
     """Which service has which issue, float64 [n, K]; NaN where an issue does not apply.
 

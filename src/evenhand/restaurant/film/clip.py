@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.paper.issues import PAPER_ISSUES, Issue, indicators, named
+from evenhand.methods.paper.issues import PAPER_ISSUES, Issue, indicators
+from evenhand.methods.scheme import named
 from evenhand.methods.services import Services
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.drawing import dressing
@@ -196,7 +197,7 @@ def shoot(
 
 
 def issues_of(facts: Services, row: int, issues: tuple[Issue, ...] = PAPER_ISSUES) -> list[str]:
-    """Names of the issues that a service has, see ``issues.named``."""
+    """Names of the issues that a service has, see ``scheme.named``."""
     return named(issues, indicators(facts.take(np.array([row])), issues)[0])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.methods.paper import issues
-from evenhand.methods.scheme import Scheme
+from evenhand.methods.scheme import Scheme, named
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.live.shift import Moment, Outcome, Tally
 from evenhand.restaurant.scheme import SCHEME
@@ -83,7 +83,7 @@ def ending(outcome: Outcome, scheme: Scheme = SCHEME) -> str:
         what = f"a response after {after}, at {facts.distance[0]:.2f} m, went unnoticed"
     else:
         what = f"no response in {after}"
-    found = issues.named(scheme.issues, outcome.issues)
+    found = named(scheme.issues, outcome.issues)
     return f"{what}; issues: {', '.join(found) or 'none'}"
 
 

@@ -79,7 +79,7 @@ class Answers:
                 arrays.append(pa.array(values, field.type))
             except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
                 row = next(i for i, value in enumerate(values) if not fits(value, field.type))
-                raise InputError("format row", misfit(row, field, values[row])) from None
+                raise InputError(f"type {field.name}", misfit(row, field, values[row])) from None
         return cls(pa.Table.from_arrays(arrays, schema=LOOSE))
 
     def where(self, mask: Any) -> Answers:
@@ -222,7 +222,7 @@ def _parsed(cells: Any, field: pa.Field) -> Any:
             try:
                 pa.array([cell], pa.string()).cast(field.type)
             except pa.ArrowInvalid:
-                raise InputError("format row", misfit(row, field, cell)) from None
+                raise InputError(f"type {field.name}", misfit(row, field, cell)) from None
         raise
 
 

@@ -114,7 +114,7 @@ def chosen(answers: Answers, who: Who | None) -> Answers:
     people = answers.where(pc.invert(simulated))
     if who is None and len(people) and len(programs):
         raise InputError(
-            "conflict participants",
+            "conflict who",
             f"the answers are of {len(people.participants)} people and "
             f"{len(programs.participants)} simulated participants: choose with --who people, "
             "simulated or both",

@@ -10,6 +10,7 @@ wanted("stable_baselines3", "the extra sb3")
 from benchmarks import stable_baselines3  # noqa: E402
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_all_sides_do_the_same_work(capsys, monkeypatch):
     monkeypatch.setattr(stable_baselines3, "_ROUNDS", 1)
