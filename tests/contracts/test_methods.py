@@ -12,7 +12,7 @@ from evenhand.adapters import JudgeServices, JudgeSettings, JudgeVectorServices,
 from evenhand.core import tree
 from evenhand.core.errors import InputError
 from evenhand.methods import guidance, registry
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.guard import GUARD, Guard, Watch
 from evenhand.methods.paper import detector
 from evenhand.methods.paper.detector import WindowVerdict
@@ -28,6 +28,8 @@ SMALL = paper_scheme(
     [Identity("a", ("x", "y", "z")), Identity("b", ("u", "v")), Identity("c", ("p", "q"))]
 )
 N, LENGTH = 12, 7
+A, GIVEN = 6, 4
+"""Answers of a service; which of them it was."""
 
 
 def epoch(
@@ -90,6 +92,15 @@ def taught(name: str, edge: Any, seed: int = 3) -> list[tuple[guidance.Guidance,
         given, memory = guidance.teach(method, edge(rng), memory)
         found.append((given, memory))
     return found
+
+
+def answers(found: Epoch, rng: np.random.Generator) -> Answers:
+    """Answers of the epoch, the last but one as the services were."""
+    x = (rng.random((N, A, len(found.issues))) < 0.3).astype(float)
+    x[x[..., 0] == 1, 1:3] = np.nan
+    reward = rng.uniform(-0.5, 1.0, (N, A))
+    x[:, GIVEN], reward[:, GIVEN] = found.x, found.reward
+    return Answers(x, reward, found)
 
 
 def arrays(given: guidance.Guidance) -> list[np.ndarray]:
@@ -261,3 +272,79 @@ def test_a_state_of_something_else_is_refused():
     with refused("changed state"):
         ledger.restore({"codes": np.zeros((3, 1))})
     assert len(ledger) == 0
+
+
+# --- what other answers would have been worth ---
+
+BY_REWARDS = [name for name in NAMES if name not in ("a_ppo", "surgery", "unaware", "influence")]
+"""Methods whose ``teach`` says of a service alone what it is worth, up to a common constant.
+
+A-PPO scales over its batch, which with all answers is another; and influence pays by the mean
+window where the running one is not over.
+"""
+
+
+@pytest.mark.parametrize("edge", EDGES)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_method_weighs_answers(name, edge):
+    method, rng = registry.create(name), np.random.default_rng(5)
+    memory = guidance.begin(method, SMALL)
+    for _ in range(3):
+        found = edge(rng)
+        _, memory = guidance.teach(method, found, memory)
+        worth = guidance.worth(method, answers(found, rng), memory)
+        assert worth.shape == (N, A)
+        assert np.isfinite(worth).all()
+        if registry.DIRECTION in registry.needs_of(method):
+            assert np.isfinite(guidance.direction(method, answers(found, rng), memory)).all()
+
+
+@pytest.mark.parametrize("name", BY_REWARDS)
+def test_the_answer_that_was_given_is_worth_what_the_method_taught(name):
+    method, rng = registry.create(name), np.random.default_rng(6)
+    memory = guidance.begin(method, SMALL)
+    for _ in range(3):
+        mask = np.ones((N, 1))
+        found = epoch(rng, mask=mask, advantages_of=lambda r: np.asarray(r)[:, None])
+        given, memory = guidance.teach(method, found, memory)
+        taught = given.earned(found.reward)
+        if given.advantages is not None:
+            taught = given.advantages[:, 0]
+        worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
+        # what all services have alike moves no policy
+        np.testing.assert_allclose(worth - worth.mean(), taught - taught.mean(), atol=1e-12)
+
+
+def test_surgery_weighs_by_the_influence_that_it_taught():
+    method, rng = registry.create("surgery"), np.random.default_rng(7)
+    memory = guidance.begin(method, SMALL)
+    for _ in range(3):
+        found = epoch(rng, mask=np.ones((N, 1)))
+        given, memory = guidance.teach(method, found, memory)
+        weighed = guidance.direction(method, answers(found, rng), memory)
+        np.testing.assert_allclose(weighed[:, GIVEN], given.fair[:, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind"),
+    [
+        (np.zeros((N, A - 1)), "shape method"),
+        (np.full((N, A), np.nan), "range method"),
+        ("good", "type method"),
+    ],
+)
+def test_a_worth_that_is_none_is_refused(wrong, kind):
+    @registry.method("odd_worth")
+    class Odd:
+        def begin(self, scheme):
+            return None
+
+        def teach(self, epoch, memory):
+            return epoch.reward, memory
+
+        def worth(self, answers, memory):
+            return wrong
+
+    found = epoch(np.random.default_rng(1))
+    with refused(kind):
+        guidance.worth(Odd(), answers(found, np.random.default_rng(2)), None)

@@ -77,6 +77,8 @@ def settings(name: str = "service", shrink: float = 0.0, **changes: Any) -> Trai
     told = {n: changes.pop(n) for n in ("when", "guarded", "strength", "windows") if n in changes}
     if name in ("levelup", "influence", "surgery"):
         told = {"guarded": False, "strength": 1.0, "shrink": shrink} | told
+        if name == "levelup":
+            told["cost"] = 0.0
     elif name in ("score", "penalty"):
         told = {"strength": 1.0} | told
     return TrainSettings(

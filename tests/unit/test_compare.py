@@ -43,7 +43,7 @@ def test_names_that_stand_twice_stand_alike():
 
 def test_the_whole_comparison_has_every_run_once():
     cells = list(CompareSettings().cells())
-    assert len(set(cells)) == len(cells) == 10 * 6 * (2 + 2 * 12)
+    assert len(set(cells)) == len(cells) == 10 * 6 * (2 + 2 * 14)
     assert {(c.arm, c.algorithm) for c in cells if c.algorithm == "none"} == {
         ("reference", "none"), ("untrained", "none"),
     }  # fmt: skip

@@ -126,7 +126,7 @@ class TestRPPO:
         np.testing.assert_allclose(advantage[:, 0], [2.0, 0.0 - 3.0, 1.0, 4.0])
 
     def test_a_score_at_omega_costs(self):
-        penalty = r_ppo.r_ppo_penalty(np.array([9.0, 0.5, 0.4]), 0.5, 2.0)
+        penalty = r_ppo.r_ppo_penalty(np.array([0.5, 0.4]), 0.5, 2.0)
         np.testing.assert_allclose(penalty, [-1.0, 0.0])
 
     def test_one_window_remembers_nothing(self):

@@ -5,7 +5,8 @@ import pytest
 
 from evenhand.core.errors import InputError
 from evenhand.methods import registry
-from evenhand.methods.rivals import ggf, group_dro, shared, unaware
+from evenhand.methods.controls import unaware
+from evenhand.methods.rivals import ggf, group_dro, shared
 from support.refusals import refused
 from support.rivals import NAN, TWO_GROUPS, scheme, two_groups
 

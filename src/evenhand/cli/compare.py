@@ -47,9 +47,11 @@ class Compare:
     plugin: Plugin = ()
 
     algorithms: Annotated[
-        tuple[Literal["ppo", "reinforce"], ...], arg(metavar="ppo|reinforce ...")
+        tuple[Literal["ppo", "reinforce", "ppo-all", "reinforce-all"], ...],
+        arg(metavar="ppo|reinforce|ppo-all|reinforce-all ..."),
     ] = CompareSettings.algorithms  # type: ignore[assignment]
-    """What learns, one or both."""
+    """What learns. With -all every moment of responding is weighed by what would have come of it,
+    instead of the one that was taken."""
 
     seeds: int = CompareSettings.seeds
     """Runs of every arm, with seeds that follow each other; intervals need two or more."""

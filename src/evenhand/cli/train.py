@@ -55,10 +55,12 @@ class Train:
     paper: evenness (Eq. 4/5) and nothing else, as printed.
     service: good service plus evenness."""
 
-    algorithm: Literal["reinforce", "ppo"] = "ppo"
+    algorithm: Literal["reinforce", "ppo", "reinforce-all", "ppo-all"] = "ppo"
     """How the policy learns from an epoch.
     reinforce: in one step, with the critic as baseline.
-    ppo: in several clipped steps."""
+    ppo: in several clipped steps.
+    reinforce-all, ppo-all: the same steps, but every moment of responding is weighed by what
+    would have come of it, since a walk that is simulated to its end tells."""
 
     guidance: Annotated[str, arg(metavar="NAME[@STRENGTH]", help=METHODS)] = "penalty"
 

@@ -315,7 +315,8 @@ def train(
         scenario: where unevenness comes from.
         guidance: the method: NAME, NAME@STRENGTH, or an object.
         preset: paper or service, what is rewarded.
-        algorithm: ppo or reinforce.
+        algorithm: ppo, reinforce, ppo-all or reinforce-all; with -all every moment of responding is
+            weighed by what would have come of it.
         epochs: updates.
         people: services in an epoch.
         population: where people are drawn from; that of the scenario by default.
@@ -455,7 +456,7 @@ def compare(
     Args:
         arms: methods, NAME or NAME@STRENGTH, and the controls reference and untrained.
         scenarios: where unevenness comes from.
-        algorithms: ppo, reinforce or both.
+        algorithms: what learns, as in `train`.
         seeds: runs of every arm.
         first_seed: the first of these seeds.
         epochs: updates of every run.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -101,6 +101,37 @@ class Epoch:
     def guard_weight(self) -> float:
         """What evenness weighs, from 0 to 1: less while service is poor or becomes worse."""
         return 1.0 if self.guard is None else self.guard.weight
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What each service of an epoch would have been with each of A answers.
+
+    Attributes:
+        x: issues, float64 [n, A, K], NaN where an issue does not apply.
+        reward: what it would have earned, evenness apart, [n, A].
+        window: the services as they were.
+    """
+
+    x: np.ndarray
+    reward: np.ndarray
+    window: Epoch
+
+    def over(self, each: np.ndarray) -> np.ndarray:
+        """One number a service as one for each of its answers, [n, A]."""
+        return np.broadcast_to(np.asarray(each, float)[:, None], self.reward.shape)
+
+    @cached_property
+    def flat(self) -> Epoch:
+        """All of them as services, [n A]: no decisions, and people as in the window."""
+        n, answers, issues = self.x.shape
+        return replace(
+            self.window,
+            x=self.x.reshape(n * answers, issues),
+            inside=np.repeat(self.window.inside, answers, axis=0),
+            reward=self.reward.reshape(-1),
+            mask=np.zeros((n * answers, 0)),
+        )
 
 
 def judge_of(detector: Detector | None, identities: Sequence[str]) -> Judge:

@@ -74,7 +74,7 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
     Raises:
         InputError: when it gives something else, another shape, or a number that is not finite.
     """
-    what = f"method {registry.name_of(method)!r}, epoch {epoch.number}"
+    what = _which(method, epoch)
     found = method.teach(epoch, memory)
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(
@@ -104,13 +104,66 @@ def teach(method: Any, epoch: Any, memory: Any) -> tuple[Guidance, Any]:
     return _checked(what, given, happened), after
 
 
+def weighs_answers(method: Any) -> bool:
+    """Whether a method can say what services with other answers would have been worth."""
+    return hasattr(method, "worth") or hasattr(method, "pay")
+
+
+def worth(method: Any, answers: Any, memory: Any) -> np.ndarray:
+    """What each service would have been worth with each answer, [n, A], checked.
+
+    Args:
+        method: that is asked.
+        answers: a `methods.epoch.Answers` of the epoch that it was taught last.
+        memory: of the method since then.
+
+    Raises:
+        InputError: when it gives another shape, or a number that is not finite.
+    """
+    if hasattr(method, "worth"):
+        values, name = method.worth(answers, memory), "worth"
+    else:
+        paid, name = method.pay(answers.flat, answers.window, memory), "pay"
+        paid = _numbers(_which(method, answers.window), name, paid)
+        values = answers.reward + paid.reshape(answers.reward.shape)
+    return _weighed(method, answers, name, values)
+
+
+def direction(method: Any, answers: Any, memory: Any) -> np.ndarray:
+    """What each service with each answer is worth towards evenness alone, [n, A], checked.
+
+    Arguments and errors as for `worth`, of a method that follows a second direction.
+    """
+    return _weighed(method, answers, "direction", method.direction(answers, memory))
+
+
+def _weighed(method: Any, answers: Any, name: str, values: Any) -> np.ndarray:
+    what, shape = _which(method, answers.window), answers.reward.shape
+    found = _numbers(what, name, values)
+    if found.shape != shape:
+        raise InputError(
+            "shape method",
+            f"{what}: {name} has shape {found.shape}: give a number for each answer, {shape}",
+        )
+    if not np.isfinite(found).all():
+        place = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
+        raise InputError(
+            "range method", f"{what}, service {place}: {name} is not finite: give finite numbers"
+        )
+    return found
+
+
+def _which(method: Any, epoch: Any) -> str:
+    return f"method {registry.name_of(method)!r}, epoch {epoch.number}"
+
+
 def alone(method: Any, epoch: Any) -> np.ndarray:
     """Rewards of an epoch where evenness is all that is rewarded, [n].
 
     Raises:
         InputError: as `teach`.
     """
-    what = f"method {registry.name_of(method)!r}, epoch {epoch.number}"
+    what = _which(method, epoch)
     given = Guidance(rewards=_numbers(what, "alone", method.alone(epoch)))
     rewards = _checked(what, given, np.asarray(epoch.mask) > 0).rewards
     assert rewards is not None

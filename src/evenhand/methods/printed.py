@@ -9,7 +9,7 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import InputError, unknown
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.guidance import Guidance
 from evenhand.methods.paper.rewards import CREDITS, person_rewards
 from evenhand.methods.registry import VERDICT, method
@@ -25,6 +25,10 @@ class Service:
     def teach(self, epoch: Any, memory: None) -> tuple[Guidance, None]:
         """The rewards stay as they are."""
         return Guidance(), memory
+
+    def worth(self, answers: Answers, memory: None) -> np.ndarray:
+        """What each answer would have earned, [n, A]."""
+        return answers.reward
 
 
 @method("score", label="score (Eq. 4)", colour=palette.VERMILLION, marker="o")

@@ -10,7 +10,11 @@ where the memory is arrays and numbers in dataclasses, tuples, lists or dicts, t
 decisions [n, L], or a `methods.guidance.Guidance`. It may also have
 
     alone(epoch) -> rewards [n]             where evenness is all that is rewarded (preset paper)
-    pay(services, window, memory) -> [m]    for wrappers, which pay before a window is over
+    pay(services, window, memory) -> [m]    what is added to rewards of services by what is known
+                                            after a window; wrappers pay by it before one is over
+    worth(answers, memory) -> [n, A]        what services would have been worth with other answers
+                                            (`methods.epoch.Answers`); by default by ``pay``
+    direction(answers, memory) -> [n, A]    the same towards evenness alone, with `DIRECTION`
     needs                                   some of `VERDICT`, `DIRECTION`, `BLINDNESS`
 """
 
@@ -39,7 +43,9 @@ BUILT_IN: Mapping[str, str] = {
     "influence": "beyond.influence",
     "surgery": "beyond.surgery",
     "levelup": "beyond.levelup",
-    "unaware": "rivals.unaware",
+    "blind": "controls.blind",
+    "blind_spend": "controls.blind_spend",
+    "unaware": "controls.unaware",
     "lagrangian": "rivals.lagrangian",
     "a_ppo": "rivals.a_ppo",
     "r_ppo": "rivals.r_ppo",

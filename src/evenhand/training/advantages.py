@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from jax.typing import ArrayLike
 
-from evenhand.methods import guidance
+from evenhand.methods import guidance, registry
 from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper import losses
+from evenhand.restaurant import walks
 from evenhand.restaurant.simulation import layout, task
+from evenhand.training.epoch import answers_of
 from evenhand.training.observation import view
 from evenhand.training.policy import ActorCritic, state_values
 from evenhand.training.settings import TrainSettings
@@ -70,6 +72,47 @@ def learn_from(
     advantage = epoch.advantages_of(given.earned(epoch.reward))
     added = given.added(epoch.reward)
     return Advantages(advantage, advantage + value, given.fair, added), memory
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What the update with all answers is given.
+
+    Attributes:
+        worth: of every answer, [n, L + 1].
+        fair: the same towards evenness, for gradient surgery; None without it.
+        evenness: what evenness added to each person's reward, [n].
+    """
+
+    worth: np.ndarray
+    fair: np.ndarray | None
+    evenness: np.ndarray
+
+
+def weigh_answers(
+    settings: TrainSettings, walked: walks.Walks, epoch: Epoch, memory: Any
+) -> tuple[Worth, Any]:
+    """What every answer of the services of an epoch is worth.
+
+    Args:
+        settings: of the run.
+        walked: the services to their end.
+        epoch: what happened.
+        memory: of the method.
+
+    Returns:
+        What the update is given, and the method's memory from now on.
+
+    Raises:
+        InputError: as `methods.guidance.teach` and `methods.guidance.worth`.
+    """
+    method = settings.method
+    given, memory = guidance.teach(method, epoch, memory)
+    answers = answers_of(settings, walked, epoch)
+    worth, fair = guidance.worth(method, answers, memory), None
+    if registry.DIRECTION in registry.needs_of(method):
+        fair = guidance.direction(method, answers, memory)
+    return Worth(worth, fair, given.added(epoch.reward)), memory
 
 
 def _over_people(

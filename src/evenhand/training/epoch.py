@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from jax.typing import ArrayLike
 
-from evenhand.methods.epoch import Epoch, judge_of
+from evenhand.methods.epoch import Answers, Epoch, judge_of
 from evenhand.methods.guard import Guard, Watch
 from evenhand.methods.paper import losses
 from evenhand.methods.paper.detector import Detector
+from evenhand.restaurant import walks
 from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.simulation import serve
+from evenhand.restaurant.worlds import World
 from evenhand.statistics import chance
 from evenhand.training.settings import TrainSettings
 
@@ -38,11 +40,11 @@ def epoch_of(
     """
     world, scheme = settings.world, settings.world.scheme
     x, inside = world.indicators(done), scheme.inside(done.codes)
-    facts, watch = done.facts, Watch(guard, x, inside)
+    watch = Watch(guard, x, inside)
     epoch = Epoch(
         x=x,
         inside=inside,
-        reward=tips.reward(world.tips, world.known(done.codes), facts.terms, facts.steps),
+        reward=earned(world, done),
         mask=done.mask,
         groups=scheme.groups,
         issues=scheme.issue_names,
@@ -56,6 +58,28 @@ def epoch_of(
         number=number,
     )
     return epoch, watch
+
+
+def answers_of(settings: TrainSettings, walked: walks.Walks, epoch: Epoch) -> Answers:
+    """What each service would have been with each answer.
+
+    Args:
+        settings: of the run.
+        walked: the services to their end.
+        epoch: the same as they were.
+    """
+    world, every = settings.world, walked.every
+    n = len(epoch)
+    x = world.indicators(every)
+    return Answers(
+        x=x.reshape(n, -1, x.shape[1]), reward=earned(world, every).reshape(n, -1), window=epoch
+    )
+
+
+def earned(world: World, done: serve.Trajectories) -> np.ndarray:
+    """What services earn, evenness apart, [n]."""
+    facts = done.facts
+    return tips.reward(world.tips, world.known(done.codes), facts.terms, facts.steps)
 
 
 def over_decisions(

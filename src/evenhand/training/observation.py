@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evenhand.methods import registry
-from evenhand.methods.rivals.unaware import unaware
+from evenhand.methods.controls.unaware import unaware
 from evenhand.restaurant import observation as observed
 from evenhand.restaurant.simulation import task
 from evenhand.restaurant.simulation.driving import Network

@@ -9,10 +9,11 @@ from typing import Any, Literal
 import numpy as np
 
 from evenhand.core.errors import InputError, unknown, whole
-from evenhand.methods import registry
+from evenhand.methods import guidance, registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
 from evenhand.methods.paper import rewards
 from evenhand.restaurant import worlds
+from evenhand.training.learners import LEARNERS
 from evenhand.training.policy import PolicySettings
 from evenhand.training.update import UpdateSettings
 
@@ -108,9 +109,28 @@ class TrainSettings:
             )
         return tuple(rewards.check_tau(self.tau, len(issues)).tolist())
 
+    @property
+    def all_answers(self) -> bool:
+        """Whether every moment of responding is weighed."""
+        return self.update.credit == "all_answers"
+
     def _check_method(self) -> None:
+        name = registry.name_of(self.method)
+        if self.all_answers and self.preset == "paper":
+            raise InputError(
+                "conflict credit",
+                "preset paper learns from decisions that were taken (Eq. 6 runs over people), and "
+                "credit all_answers from all: choose credit sampled (algorithm ppo or reinforce), "
+                "or the preset service",
+            )
+        if self.all_answers and not guidance.weighs_answers(self.method):
+            raise InputError(
+                "conflict credit",
+                f"method {name} says what services that happened are worth, and credit all_answers "
+                "asks what others would have been: give it a worth, or choose credit sampled "
+                "(algorithm ppo or reinforce)",
+            )
         if self.preset == "paper" and not hasattr(self.method, "alone"):
-            name = registry.name_of(self.method)
             raise InputError(
                 "conflict preset",
                 f"preset paper rewards Eq. 4/5 and nothing else, and {name} needs a service "
@@ -137,17 +157,22 @@ def settings_of(
 
     Args:
         name: paper or service.
-        algorithm: reinforce or ppo.
+        algorithm: one of ``learners.LEARNERS``.
         method: its name, with a strength perhaps, or the method.
         seed: of the run.
         epochs: updates.
         population: where people are drawn from; that of the scenario by default.
+
+    Raises:
+        InputError: as ``TrainSettings``.
     """
+    if algorithm not in LEARNERS:
+        raise unknown("algorithm", algorithm, LEARNERS)
     return TrainSettings(
         preset=name,  # type: ignore[arg-type]
         seed=seed,
         epochs=epochs,
         population=population,
         method=method,
-        update=UpdateSettings(algorithm),  # type: ignore[arg-type]
+        update=UpdateSettings(*LEARNERS[algorithm]),  # type: ignore[arg-type]
     )

@@ -22,10 +22,11 @@ from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.paper.scores import Scores
 from evenhand.methods.services import Services
-from evenhand.restaurant import floor_plan, serve_people
+from evenhand.restaurant import floor_plan, serve_people, walks
 from evenhand.restaurant.simulation import serve
+from evenhand.restaurant.simulation.engine import Engine
 from evenhand.restaurant.simulation.recording import Recording, renumbered
-from evenhand.training import advantages, imitation, reflection_gradients
+from evenhand.training import advantages, all_answers, imitation, reflection_gradients
 from evenhand.training.epoch import epoch_of
 from evenhand.training.memory import Memory
 from evenhand.training.observation import as_network, view
@@ -141,29 +142,31 @@ def train(
         forks.check_jax()
         began = perf_counter()
         before, following = state.policy, ahead.following
-        done = engine.run(ahead.drawn, acting(settings, before), recorded=recorded)
+        served, walked = _serve(settings, before, engine, ahead, recorded)
         first = number * settings.people
-        seen = None if done.seen is None else renumbered(done.seen, first)
-        done = replace(done, observation=view(settings, done.observation))
+        seen = None if served.seen is None else renumbered(served.seen, first)
+        done = replace(served, observation=view(settings, served.observation))
         # JAX computes while Python goes on, here and after the update
-        value = state_values(before, done.observation)
+        value = np.zeros(done.mask.shape) if walked else state_values(before, done.observation)
         served_at = perf_counter()
         epoch, watch = epoch_of(settings, done, detector, value, memory.guard, number)
-        taught, kept = advantages.learn_from(
-            settings, before, value, epoch, memory.method, following
-        )
         trajectories = Trajectories(done.observation, done.action, done.mask)
-        updating_at = perf_counter()
-        state, report = update(
-            state,
-            trajectories,
-            taught.advantage,
-            taught.target,
-            settings.update,
-            rng,
-            taught.fair,
-            near,
-        )
+        if walked is None:
+            taught, kept = advantages.learn_from(
+                settings, before, value, epoch, memory.method, following
+            )
+            evenness, updating_at = taught.evenness, perf_counter()
+            state, report = update(
+                state, trajectories, taught.advantage, taught.target, settings.update, rng,
+                taught.fair, near,
+            )  # fmt: skip
+        else:
+            weighed, kept = advantages.weigh_answers(settings, walked, epoch, memory.method)
+            evenness, updating_at = weighed.evenness, perf_counter()
+            state, report = all_answers.update(
+                state, view(settings, walked.observation), weighed.worth, settings.update, rng,
+                weighed.fair, near,
+            )  # fmt: skip
         memory = replace(memory, guard=watch.after, method=kept)
         examined = None
         if settings.reflect:
@@ -174,7 +177,7 @@ def train(
         table = serve_people.table(
             done, world, settings.update.algorithm, epoch=number, first=first
         )
-        numbers = _numbers(settings, done.facts, epoch.scores, taught.evenness)
+        numbers = _numbers(settings, done.facts, epoch.scores, evenness)
         numbers |= {
             "biased_detector": epoch.biased,
             "biased_threshold": bool(epoch.scores.total > settings.threshold),
@@ -195,6 +198,21 @@ def train(
             "time_reflecting": perf_counter() - updated_at,
         }
         yield EpochRecord(number, _plain(numbers), table, state, memory, drawn, seen)
+
+
+def _serve(
+    settings: TrainSettings,
+    policy: ActorCritic,
+    engine: Engine,
+    ahead: serve_people.Ahead,
+    recorded: bool,
+) -> tuple[serve.Trajectories, walks.Walks | None]:
+    """The services of an epoch, and where all answers count, the walks that they come from."""
+    robot = acting(settings, policy)
+    if not settings.all_answers:
+        return engine.run(ahead.drawn, robot, recorded=recorded), None
+    walked = walks.walk(engine, ahead, recorded=recorded)
+    return walked.given(walked.answers(robot)), walked
 
 
 def shipped_detector(settings: TrainSettings) -> Detector | None:
@@ -263,6 +281,8 @@ def _numbers(
 ) -> dict[str, Any]:
     """Scores and service of the epoch, by name."""
     answered = facts.responded
+    # a walk to the end costs all steps, however soon the robot responds
+    steps = floor_plan.MAX_STEPS * len(facts.steps) if settings.all_answers else facts.steps.sum()
     out: dict[str, Any] = {
         "total": scores.total,
         **dict(zip(scores.issues, scores.overall, strict=True)),
@@ -275,8 +295,8 @@ def _numbers(
         "contact_rate": (facts.contact_steps > 0).mean(),
         "mean_evenness_reward": even.mean(),
         "mean_service_reward": facts.reward.mean(),
-        "physics_steps": int(facts.steps.sum()),
-        "seconds_simulated": float(facts.steps.sum() * floor_plan.TIMESTEP),
+        "physics_steps": int(steps),
+        "seconds_simulated": float(steps * floor_plan.TIMESTEP),
         "services": settings.people,
     }
     return out

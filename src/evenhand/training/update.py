@@ -26,6 +26,7 @@ from evenhand.training.batches import Decisions, Trajectories, deal, pack
 from evenhand.training.policy import ActorCritic, PolicySettings, make_policy
 
 ALGORITHMS = ("reinforce", "ppo")
+CREDITS = ("sampled", "all_answers")
 MOST_STEPS = 10_000
 """Most passes, and most minibatches of a pass: with more a run would never end."""
 
@@ -38,9 +39,14 @@ class UpdateSettings:
     """reinforce: one gradient step an epoch on all its decisions. ppo: several passes over them
     in minibatches with the clipped objective."""
 
+    credit: Literal["sampled", "all_answers"] = "sampled"
+    """sampled: decisions that were taken are credited with what came of them. all_answers: every
+    service is simulated to its end, and every moment of responding is weighed by what would have
+    come of it, see ``training.all_answers``; reinforce then takes ``passes`` steps an epoch."""
+
     learning_rate: float | None = None
-    """Step size of Adam; none means 0.001 for ppo and 0.003 for reinforce, which takes one step
-    where ppo takes many."""
+    """Step size of Adam; none means 0.001 for ppo. For reinforce, which takes one step where ppo
+    takes many, 0.003, or 0.005 with all answers."""
 
     anneal_updates: int | None = None
     """The learning rate falls evenly to 0 over so many updates; 0 keeps it as it is. None means
@@ -80,6 +86,8 @@ class UpdateSettings:
     def __post_init__(self) -> None:
         if self.algorithm not in ALGORITHMS:
             raise unknown("algorithm", self.algorithm, ALGORITHMS)
+        if self.credit not in CREDITS:
+            raise unknown("credit", self.credit, CREDITS)
         above = "give a number above 0"
         if self.learning_rate is not None:
             self._require("learning_rate", 0.0 < self.learning_rate < np.inf, above)
@@ -100,7 +108,16 @@ class UpdateSettings:
         """The learning rate in use."""
         if self.learning_rate is not None:
             return self.learning_rate
-        return 3e-3 if self.algorithm == "reinforce" else 1e-3
+        if self.algorithm == "ppo":
+            return 1e-3
+        return 3e-3 if self.credit == "sampled" else 5e-3
+
+    @property
+    def gradient_steps(self) -> int:
+        """In one update."""
+        if self.algorithm == "ppo":
+            return self.passes * self.minibatches
+        return 1 if self.credit == "sampled" else self.passes
 
     def _require(self, name: str, good: bool, remedy: str) -> None:
         if not good:
@@ -137,7 +154,8 @@ class Anchor(NamedTuple):
 class UpdateReport:
     """What one update did; averages over its gradient steps or over all valid decisions.
 
-    Scalars that may still be computed while Python goes on; ``float`` waits for them.
+    Scalars that may still be computed while Python goes on; ``float`` waits for them. Not a number
+    where the learner has no such thing: with all answers there is no critic and nothing is clipped.
     """
 
     policy_loss: jax.Array
@@ -159,11 +177,12 @@ class UpdateReport:
 def _learning_rate(settings: UpdateSettings) -> optax.ScalarOrSchedule:
     if not settings.anneal_updates:
         return settings.step_size
-    steps = settings.passes * settings.minibatches if settings.algorithm == "ppo" else 1
-    return optax.linear_schedule(settings.step_size, 0.0, settings.anneal_updates * steps)
+    steps = settings.anneal_updates * settings.gradient_steps
+    return optax.linear_schedule(settings.step_size, 0.0, steps)
 
 
-def _optimiser(settings: UpdateSettings) -> optax.GradientTransformation:
+def optimiser(settings: UpdateSettings) -> optax.GradientTransformation:
+    """Adam on shortened gradients."""
     return optax.chain(
         optax.clip_by_global_norm(settings.max_grad_norm),
         optax.adam(_learning_rate(settings), eps=settings.adam_eps),
@@ -185,7 +204,7 @@ def make_learner(
         rng: source of the weights.
     """
     policy = make_policy(obs_size, policy_settings, rng)
-    opt_state = _optimiser(update_settings).init(eqx.filter(policy, eqx.is_array))
+    opt_state = optimiser(update_settings).init(eqx.filter(policy, eqx.is_array))
     return LearnerState(policy=policy, opt_state=opt_state, step=jnp.zeros((), jnp.int32))
 
 
@@ -250,7 +269,7 @@ def _steps(
         decisions = decisions._replace(advantage=losses.normalise(decisions.advantage, mask))
     before = _log_prob(state.policy.log_probabilities(decisions.obs), decisions.action)
     value_before = state.policy.value(decisions.obs)
-    optimiser = _optimiser(settings)
+    adam = optimiser(settings)
 
     def step(
         carry: tuple[ActorCritic, optax.OptState], chosen: jax.Array
@@ -270,7 +289,7 @@ def _steps(
             # Both are gradients of losses; the rule is about ascents, and the signs cancel.
             fair = surgery.surgery(uneven, gradient)
             gradient = jax.tree.map(jnp.add, gradient, fair)
-        change, opt_state = optimiser.update(gradient, opt_state)
+        change, opt_state = adam.update(gradient, opt_state)
         if with_surgery:
             change = surgery.off_bias(change, uneven)
         policy = eqx.apply_updates(policy, change)

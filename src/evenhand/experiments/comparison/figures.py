@@ -17,13 +17,13 @@ from evenhand.report import figure as figures
 from evenhand.report import style
 from evenhand.report.read_tables import Results
 from evenhand.report.table import Table, say, table
+from evenhand.training.learners import LABELS
 
 Look = style.Look
 CONTROLS = {
     "reference": Look("reference robot", style.INK, "*"),
     "untrained": Look("untrained", style.GREY, "x"),
 }
-ALGORITHMS = {"ppo": ", PPO", "reinforce": ", REINFORCE"}
 _AIMS = ("corrected_total", "perfect_rate")
 _ENDS = ("", "_low", "_high")
 POOLED = "all"
@@ -87,9 +87,10 @@ def _parts(rows: Sequence[Mapping[str, Any]]) -> dict[str, Table]:
 
 
 def _plate(algorithm: str, services: int) -> figures.Plate:
+    labels = [LABELS[algorithm]] if algorithm in LABELS else []
     return figures.Plate(
         f"compare_{algorithm}",
-        f"Evenness against service{ALGORITHMS.get(algorithm, '')}",
+        ", ".join(["Evenness against service", *labels]),
         "",
         "learning",
         "Scatter charts, one panel a scenario, one mark an arm: corrected total issue score "

@@ -22,6 +22,8 @@ COLUMNS = ("scenario", "algorithm", "method", "hypervolume", "low", "high", "see
 _LOOKS = {
     "ppo": style.Look("PPO", style.BLUE, "s"),
     "reinforce": style.Look("REINFORCE", style.VERMILLION, "o", filled=False),
+    "ppo-all": style.Look("PPO, all answers", style.GREEN, "D"),
+    "reinforce-all": style.Look("REINFORCE, all answers", style.ORANGE, "^", filled=False),
 }
 
 

@@ -13,9 +13,9 @@ from evenhand.experiments.comparison import aims
 from evenhand.experiments.comparison.aims import Verdict
 from evenhand.experiments.comparison.figures import looks, own
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label, method_of
-from evenhand.report.style import ARMS
 from evenhand.report.table import say
 from evenhand.statistics.means import Estimate
+from evenhand.training.learners import LABELS
 
 ICONS = {aims.REACHED: "✓", aims.MISSED: "✗", aims.UNKNOWN: "?"}
 EVENNESS, PERFECT, WORST, VOLUME = (
@@ -61,7 +61,7 @@ def algorithm_label(algorithm: str) -> str:
     """The name of an algorithm for readers; nothing for what learns nothing."""
     if algorithm == NO_ALGORITHM:
         return ""
-    return ARMS[algorithm].label if algorithm in ARMS else algorithm
+    return LABELS.get(algorithm, algorithm)
 
 
 def judged_arms(comparison: Comparison) -> list[str]:

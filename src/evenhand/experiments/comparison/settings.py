@@ -9,10 +9,11 @@ from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import SERVICES, WORKERS
 from evenhand.methods import registry
+from evenhand.training.learners import LEARNERS
 
 SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
 """Those of Evenhand, as ``worlds`` registers them."""
-ALGORITHMS = ("ppo", "reinforce")
+ALGORITHMS = tuple(LEARNERS)
 """What learns."""
 NO_ALGORITHM = "none"
 """Algorithm of an arm that learns nothing."""
@@ -109,7 +110,7 @@ class CompareSettings:
     arms: tuple[str, ...] = ARMS
     """Ways to serve, see ``ARMS`` and ``method_of``."""
 
-    algorithms: tuple[str, ...] = ALGORITHMS
+    algorithms: tuple[str, ...] = ("ppo", "reinforce")
     """What learns."""
 
     seeds: int = 10

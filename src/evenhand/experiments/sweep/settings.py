@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from evenhand.experiments.comparison.settings import Cell, CompareSettings, plain
+from evenhand.training.learners import LEARNERS
 
 EXAMPLE = Path(str(resources("evenhand.experiments.sweep") / "data" / "sweep.toml"))
 """A sweep to start from."""
@@ -93,8 +94,10 @@ class Job:
     def same(self) -> tuple[object, ...]:
         """Equal for two jobs that would do the same work."""
         learner = self.variant.learner
-        if self.cell.algorithm == "reinforce":
-            learner = tuple(one for one in learner if one[0] not in _PPO_ONLY)
+        algorithm, credit = LEARNERS.get(self.cell.algorithm, ("", ""))
+        if algorithm == "reinforce":
+            unused = _PPO_ONLY if credit == "sampled" else _PPO_ONLY[1:]
+            learner = tuple(one for one in learner if one[0] not in unused)
         v = self.variant
         cell = replace(self.cell, arm=plain(self.cell.arm))
         return (v.epochs, v.people, v.services, learner, cell)

@@ -119,9 +119,23 @@ def influence(
         InputError: shapes differ, tau is not [K] finite numbers of at least 0, or the counts hold
             fewer services than the epoch.
     """
-    settings = settings or CreditSettings()
     weights = checked_tau(x, tau)
     counts, now = checked_counts(x, inside, counts)
+    return influence_of(x, inside, weights, counts, now, settings or CreditSettings())
+
+
+def influence_of(
+    x: np.ndarray,
+    inside: np.ndarray,
+    weights: np.ndarray,
+    counts: Counts,
+    now: Counts,
+    settings: CreditSettings,
+) -> Influence:
+    """`influence` of services that need not be those of the epoch, from checked arguments.
+
+    Gaps and rates are those of ``counts``, numbers of the epoch those of ``now``.
+    """
     pushes = push(counts, settings)
     _, centred = _slopes(x, inside, counts, now, charged=False)
     issue = _mean_over_groups(pushes, centred)

@@ -9,10 +9,10 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import Past, running_scores, within
+from evenhand.methods.rivals.shared import Past, answer_scores, running_scores, within
 
 
 def a_ppo_advantage(
@@ -39,12 +39,16 @@ def a_ppo_advantage(
         [n, L].
     """
     valid = mask > 0
-    delta = score[1:]
-    over = np.minimum(0.0, omega - delta)
-    worse = np.minimum(0.0, np.where(delta > omega, -np.diff(score), 0.0))
+    over, worse = _beyond(score[:-1], score[1:], omega)
     terms = (advantage, over[:, None], worse[:, None])
     result = sum(b * _unit(term, valid) for b, term in zip(beta, terms, strict=True))
     return np.where(valid, result, 0.0)
+
+
+def _beyond(before: np.ndarray, delta: np.ndarray, omega: float) -> tuple[np.ndarray, np.ndarray]:
+    """min(0, ω − Δ_t) and min(0, −1[Δ_t > ω] δΔ_t)."""
+    over = np.minimum(0.0, omega - delta)
+    return over, np.minimum(0.0, np.where(delta > omega, before - delta, 0.0))
 
 
 def _unit(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -80,8 +84,20 @@ class APPO:
 
     def teach(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
         """All decisions of a service answer for the score after it, and for its change."""
-        score = running_scores(epoch.x, epoch.inside, memory.pooled)
+        score = running_scores(epoch.x, epoch.inside, memory.kept)
         beta = (1.0, self.strength, self.strength)
         advantage = a_ppo_advantage(epoch.advantage, epoch.mask, score, self.omega, beta)
         now = count(epoch.x, epoch.inside)
         return advantage, memory.after(now, len(epoch.x))
+
+    def worth(self, answers: Answers, memory: Past) -> np.ndarray:
+        """The three terms by the score that would have been there after each answer, [n, A].
+
+        Each is scaled over all answers, as the source scales over its batch.
+        """
+        window, everywhere = answers.window, np.ones(answers.reward.shape, bool)
+        before = running_scores(window.x, window.inside, memory.before)[:-1, None]
+        delta = answer_scores(window.x, answers.x, window.inside, memory.before)
+        over, worse = _beyond(before, delta, self.omega)
+        quality, over, worse = (_unit(term, everywhere) for term in (answers.reward, over, worse))
+        return quality + self.strength * (over + worse)

@@ -9,7 +9,7 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import Past, per_service, within
@@ -132,16 +132,23 @@ class Elbert:
 
         One that never had any is left out.
         """
-        now = count(epoch.x, epoch.inside)
-        pooled = memory.pooled + now
         n = len(epoch.x)
+        later = memory.after(count(epoch.x, epoch.inside), n)
+        pooled = later.pooled
         demanded = pooled.inside_n > 0
         rate = pooled.inside_x / np.maximum(pooled.inside_n, 1.0)
         ratio = np.where(demanded, rate, memory.ratio)
         known = demanded | (memory.known > 0)
         slope = ratio_slope(ratio, known, epoch.identity, self.sharpness)
-        demand = pooled.inside_n / (memory.services.sum() + n)
+        demand = pooled.inside_n / later.services.sum()
         credit = elbert_credit(epoch.x, epoch.inside, ratio, demand, slope)
         advantage = per_service(epoch.advantage, epoch.mask, -self.alpha * credit)
-        later = memory.after(now, n)
         return advantage, ElbertState(later.counts, later.services, ratio, known.astype(float))
+
+    def worth(self, answers: Answers, memory: ElbertState) -> np.ndarray:
+        """Minus α times what each answer would have added to the squared gaps, [n, A]."""
+        flat, known = answers.flat, memory.known > 0
+        slope = ratio_slope(memory.ratio, known, flat.identity, self.sharpness)
+        demand = memory.pooled.inside_n / memory.services.sum()
+        credit = elbert_credit(flat.x, flat.inside, memory.ratio, demand, slope)
+        return answers.reward - self.alpha * credit.reshape(answers.reward.shape)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evenhand.core import palette
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import group_means, service_weights, weighted, within
 
@@ -83,3 +83,8 @@ class GGF:
         group_weight = gini_weights(mean, seen > 0, self.decay)
         weight = service_weights(group_weight, epoch.inside)
         return weighted(epoch.advantage, epoch.mask, weight), GGFState(mean, seen)
+
+    def worth(self, answers: Answers, memory: GGFState) -> np.ndarray:
+        """Services weigh by the ranks of their groups, whatever the answer, [n, A]."""
+        weights = gini_weights(memory.mean, memory.seen > 0, self.decay)
+        return answers.over(service_weights(weights, answers.window.inside)) * answers.reward

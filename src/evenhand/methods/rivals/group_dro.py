@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evenhand.core import palette
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import group_means, service_weights, weighted, within
 
@@ -94,3 +94,8 @@ class GroupDRO:
         log_q = dro_step(memory.log_q, -mean, seen, self.rate, self.adjustment)
         weight = service_weights(np.exp(log_q), epoch.inside)
         return weighted(epoch.advantage, epoch.mask, weight), GroupDROState(log_q, mean, seen)
+
+    def worth(self, answers: Answers, memory: GroupDROState) -> np.ndarray:
+        """Services weigh by their groups, whatever the answer, [n, A]."""
+        weight = service_weights(np.exp(memory.log_q), answers.window.inside)
+        return answers.over(weight) * answers.reward

@@ -9,8 +9,8 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.beyond.influence import CreditSettings, influence
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.beyond.influence import CreditSettings, influence, influence_of
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.pooling import Pool, pooled, remember
 from evenhand.methods.registry import method
 from evenhand.methods.rivals.shared import per_service, within
@@ -115,3 +115,12 @@ class Lagrangian:
         cost = found.total * len(epoch)
         advantage = lagrangian_advantage(epoch.advantage, epoch.mask, cost, lam)
         return advantage, LagrangianState(lam, pool)
+
+    def worth(self, answers: Answers, memory: LagrangianState) -> np.ndarray:
+        """(r − λ c) / (1 + λ) with the cost that each answer would have had, [n, A]."""
+        counts, window = pooled(memory.pool), answers.window
+        equal, settings = np.ones(len(window.issues)), CreditSettings(shrink=0.0)
+        flat = answers.flat
+        found = influence_of(flat.x, flat.inside, equal, counts, window.counts, settings)
+        cost = found.total.reshape(answers.reward.shape) * len(window)
+        return (answers.reward - memory.lam * cost) / (1.0 + memory.lam)

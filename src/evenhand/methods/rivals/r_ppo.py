@@ -9,24 +9,23 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import whole
-from evenhand.methods.epoch import Epoch
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import Past, per_service, running_scores, within
+from evenhand.methods.rivals.shared import Past, answer_scores, per_service, running_scores, within
 
 
-def r_ppo_penalty(score: np.ndarray, omega: float, zeta: float) -> np.ndarray:
+def r_ppo_penalty(delta: np.ndarray, omega: float, zeta: float) -> np.ndarray:
     """r'_t − r_t = −ζ Δ_t where Δ_t >= ω, else 0: R-PPO, POCAR `environments/rewards.py`.
 
     Args:
-        score: as in `a_ppo_advantage`, [n + 1].
+        delta: Δ after a service, of any shape.
         omega: ω.
         zeta: ζ.
 
     Returns:
-        [n].
+        Of the same shape.
     """
-    delta = score[1:]
     return np.where(delta < omega, 0.0, -zeta * delta)
 
 
@@ -55,8 +54,14 @@ class RPPO:
 
     def teach(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
         """The penalty of a service lowers the advantages of all its decisions."""
-        score = running_scores(epoch.x, epoch.inside, memory.pooled)
-        penalty = r_ppo_penalty(score, self.omega, self.zeta)
+        score = running_scores(epoch.x, epoch.inside, memory.kept)
+        penalty = r_ppo_penalty(score[1:], self.omega, self.zeta)
         now = count(epoch.x, epoch.inside)
         advantage = per_service(epoch.advantage, epoch.mask, penalty)
         return advantage, memory.after(now, len(epoch.x))
+
+    def worth(self, answers: Answers, memory: Past) -> np.ndarray:
+        """Minus the penalty of the score that would have been there after each answer, [n, A]."""
+        window = answers.window
+        delta = answer_scores(window.x, answers.x, window.inside, memory.before)
+        return answers.reward + r_ppo_penalty(delta, self.omega, self.zeta)

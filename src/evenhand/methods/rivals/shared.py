@@ -39,12 +39,12 @@ def within(name: str, value: float, least: float, most: float = MOST) -> None:
 
 @dataclass(frozen=True)
 class Past:
-    """Counts of the last epochs, which are pooled with the running one.
+    """Counts of the last epochs.
 
     Attributes:
-        counts: inside_n, inside_x, outside_n, outside_x of `issues.Counts`, [W - 1, 4, G, K],
-            oldest first; zeros for epochs that there were not.
-        services: their numbers of services, [W - 1].
+        counts: inside_n, inside_x, outside_n, outside_x of `scores.Counts`, [W, 4, G, K], oldest
+            first; zeros for epochs that there were not.
+        services: their numbers of services, [W].
     """
 
     counts: np.ndarray
@@ -54,6 +54,16 @@ class Past:
     def pooled(self) -> Counts:
         """Counts of all of them."""
         return Counts(*self.counts.sum(axis=0))
+
+    @property
+    def kept(self) -> Counts:
+        """Counts of those that are pooled with the next epoch: all but the oldest."""
+        return Counts(*self.counts[1:].sum(axis=0))
+
+    @property
+    def before(self) -> Counts:
+        """Counts of those that were pooled with the last epoch: all but the newest."""
+        return Counts(*self.counts[:-1].sum(axis=0))
 
     def after(self, now: Counts, services: int) -> Past:
         """With the epoch that just ended in place of the oldest."""
@@ -68,11 +78,11 @@ class Past:
         """No epoch yet.
 
         Args:
-            windows: W, epochs that are pooled, the running one included.
+            windows: W, epochs that are pooled.
             groups: G.
             n_issues: K.
         """
-        return Past(np.zeros((windows - 1, 4, groups, n_issues)), np.zeros(windows - 1))
+        return Past(np.zeros((windows, 4, groups, n_issues)), np.zeros(windows))
 
 
 def per_service(advantage: np.ndarray, mask: np.ndarray, added: np.ndarray) -> np.ndarray:
@@ -98,20 +108,45 @@ def running_scores(x: np.ndarray, inside: np.ndarray, earlier: Counts) -> np.nda
     Returns:
         [n + 1], the first before anybody was served; 0 as long as nothing can be compared.
     """
+    return _scored(Counts(*(np.cumsum(side, axis=0) for side in _sides(x, inside, earlier))))
+
+
+def answer_scores(
+    x: np.ndarray, answers: np.ndarray, inside: np.ndarray, earlier: Counts
+) -> np.ndarray:
+    """Δ after every person if this one service had ended otherwise.
+
+    Args:
+        x: indicators of the services as they were, [n, K].
+        answers: the same with each answer, [n, A, K].
+        inside: membership, [n, G].
+        earlier: as for `running_scores`.
+
+    Returns:
+        [n, A].
+    """
+    sides = []
+    before = [np.cumsum(side, axis=0)[:-1, None] for side in _sides(x, inside, earlier)]
+    n, each, issues = answers.shape
+    flat = answers.reshape(n * each, issues)
+    others = _sides(flat, np.repeat(inside, each, axis=0), earlier)
+    for so_far, own in zip(before, others, strict=True):
+        sides.append(so_far + own[1:].reshape(n, each, *own.shape[1:]))
+    return _scored(Counts(*sides))
+
+
+def _sides(x: np.ndarray, inside: np.ndarray, earlier: Counts) -> list[np.ndarray]:
+    """The four counts of earlier services, then of every service, [n + 1, G, K] each."""
     applies = (~np.isnan(x)).astype(float)[:, None, :]
     happened = np.nan_to_num(x)[:, None, :]
     is_in = np.nan_to_num(inside)[:, :, None]
     is_out = np.nan_to_num(1.0 - inside)[:, :, None]
+    each = (is_in * applies, is_in * happened, is_out * applies, is_out * happened)
+    before = (earlier.inside_n, earlier.inside_x, earlier.outside_n, earlier.outside_x)
+    return [np.concatenate([b[None], e]) for b, e in zip(before, each, strict=True)]
 
-    def so_far(before: np.ndarray, each: np.ndarray) -> np.ndarray:
-        return np.cumsum(np.concatenate([before[None], each]), axis=0)
 
-    counts = Counts(
-        so_far(earlier.inside_n, is_in * applies),
-        so_far(earlier.inside_x, is_in * happened),
-        so_far(earlier.outside_n, is_out * applies),
-        so_far(earlier.outside_x, is_out * happened),
-    )
+def _scored(counts: Counts) -> np.ndarray:
     return np.nan_to_num(total(issue_score(gaps(counts))))
 
 

@@ -71,6 +71,23 @@ class Kept(NamedTuple):
     action: np.ndarray  # int32 [N, L]
     mask: np.ndarray  # float32 [N, L]
     pose: np.ndarray  # at every decision and a time-out, [N, L + 1, 3]; [0, L + 1, 3]: unrecorded
+    moment: Records  # ``MOMENT`` at every decision, [N, L]; [0, L]: not written down
+
+
+MOMENT = np.dtype(
+    [
+        ("responded", np.bool_),
+        ("steps", np.int64),
+        ("distance", float),
+        ("min_distance", float),
+        ("path_length", float),
+        ("contact_steps", np.int64),
+        ("reading", float),
+    ],
+    align=True,
+)
+"""What a response at a decision would end with: whether it would be noticed, and the true facts of
+the service so far; see ``lanes.Facts``. ``reading``: distance as last sensed, metres."""
 
 
 class Network(NamedTuple):
@@ -206,7 +223,27 @@ def answer(ids: np.ndarray, truth: Records) -> None:
     """
     for i in ids:
         lane = truth[i]
-        lane.responded = lane.room <= lane.distance <= lane.reach and lane.steps >= lane.signal
+        lane.responded = _noticed(lane)
+
+
+@compiled
+def _noticed(lane: Records) -> bool:
+    return lane.room <= lane.distance <= lane.reach and lane.steps >= lane.signal
+
+
+@compiled
+def note(moment: Records, lane: Records, known: Records) -> None:
+    """Write down what a response would end with now.
+
+    Args:
+        moment: ``MOMENT``, written.
+        lane: ``physics.TRUTH``.
+        known: ``lanes.PERCEIVED``.
+    """
+    moment.responded = _noticed(lane)
+    moment.steps, moment.contact_steps = lane.steps, lane.contact_steps
+    moment.distance, moment.min_distance = lane.distance, lane.min_distance
+    moment.path_length, moment.reading = lane.path_length, known.reading
 
 
 @compiled
@@ -220,6 +257,7 @@ def decide(
     kept: Kept,
     pose: np.ndarray,
     truth: Records,
+    perceived: Records,
 ) -> np.ndarray:
     """Who responds and who walks at the k-th decision.
 
@@ -233,6 +271,7 @@ def decide(
         kept: what is written down.
         pose: of the robots, [lanes, 3].
         truth: ``physics.TRUTH``, [lanes]; responses are written.
+        perceived: ``lanes.PERCEIVED``, [lanes].
 
     Returns:
         Lanes that walk, int [m].
@@ -247,6 +286,8 @@ def decide(
         kept.mask[row, k] = 1.0
         if len(kept.pose):
             kept.pose[row, k] = pose[i]
+        if len(kept.moment):
+            note(kept.moment[row, k], truth[i], perceived[i])
         if answers:
             answer(ids[n : n + 1], truth)
         else:
@@ -405,6 +446,8 @@ def serve(
             kept.mask[i, k] = 1.0
             if len(kept.pose):
                 kept.pose[i, k] = pose[0]
+            if len(kept.moment):
+                note(kept.moment[i, k], truth[0], known[0])
             if services.uniform[i, k] < _forward(seen, network):
                 kept.action[i, k] = 1
                 answer(one, truth)

@@ -105,7 +105,12 @@ class Engine:
         return [(model, mujoco.MjData(model)) for model in models]
 
     def run(
-        self, drawn: serve.Drawn, robot: serve.Robot, *, recorded: bool = False
+        self,
+        drawn: serve.Drawn,
+        robot: serve.Robot,
+        *,
+        recorded: bool = False,
+        kept: driving.Kept | None = None,
     ) -> serve.Trajectories:
         """Run services that have been drawn to their ends.
 
@@ -113,6 +118,7 @@ class Engine:
             drawn: the services.
             robot: who serves.
             recorded: keep what was to be seen.
+            kept: where it is written down; see ``serve.empty``.
 
         Raises:
             InputError: in a process that was forked since, if other threads would have to help.
@@ -120,7 +126,7 @@ class Engine:
         """
         functions = found()
         if functions is None or not isinstance(robot, driving.Network):
-            return serve.run(self._lanes, drawn, robot, recorded=recorded)
+            return serve.run(self._lanes, drawn, robot, recorded=recorded, kept=kept)
         simulations, n = self._simulations, len(drawn.setups)
         if len(simulations) > 1:
             self._home.check()
@@ -129,7 +135,7 @@ class Engine:
             rows.state, rows.place, rows.radius, drawn.uniform, beginning.noise,
             rows.truth.copy(), beginning.perceived.copy(),
         )  # fmt: skip
-        kept = serve.empty(drawn, recorded=recorded)
+        kept = kept or serve.empty(drawn, recorded=recorded)
         # a call costs as much as a few decisions, and several for each thread even out their work
         calls = 1 if len(simulations) == 1 else min(3 * len(simulations), n)
         turns = iter(np.array_split(np.arange(n), calls))

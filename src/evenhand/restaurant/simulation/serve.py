@@ -14,6 +14,7 @@ import numpy as np
 from evenhand.restaurant import floor_plan
 from evenhand.restaurant.scenarios import needs, sensing
 from evenhand.restaurant.simulation import driving, layout, recording, task
+from evenhand.restaurant.simulation.driving import Kept
 from evenhand.restaurant.simulation.lanes import Beginning, Facts, Lanes, facts_of
 from evenhand.restaurant.simulation.recording import Recording
 
@@ -87,7 +88,9 @@ def draw(
     return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform)
 
 
-def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> Trajectories:
+def run(
+    lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False, kept: Kept | None = None
+) -> Trajectories:
     """Run services that have been drawn to their ends.
 
     Args:
@@ -95,11 +98,12 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
         drawn: N services.
         robot: who serves.
         recorded: keep what was to be seen.
+        kept: where it is written down; see ``empty``.
 
     Raises:
         RuntimeError: when a simulation became unstable.
     """
-    kept = empty(drawn, recorded=recorded)
+    kept = kept or empty(drawn, recorded=recorded)
     physics, parts = lanes.physics, []
     total, length = drawn.uniform.shape
     for first in range(0, total, lanes.n):
@@ -109,8 +113,9 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
             rows, seen = ids + first, lanes.observe(ids)
             chance = robot(seen, rows)
             ids = driving.decide(
-                ids, rows, k, seen, chance, drawn.uniform, kept, physics.state, physics.truth
-            )
+                ids, rows, k, seen, chance, drawn.uniform, kept, physics.state, physics.truth,
+                lanes.perceived,
+            )  # fmt: skip
             if not len(ids):
                 break
             lanes.walk(ids)
@@ -122,21 +127,20 @@ def run(lanes: Lanes, drawn: Drawn, robot: Robot, *, recorded: bool = False) -> 
     return services(drawn, facts_of(truth, perceived), kept, lanes.settings)
 
 
-def empty(drawn: Drawn, *, recorded: bool) -> driving.Kept:
+def empty(drawn: Drawn, *, recorded: bool, moments: bool = False) -> Kept:
     """What will be written down of services that have been drawn."""
     total, length = drawn.uniform.shape
     size = task.observation_size(drawn.setups.one_hot.shape[1])
-    return driving.Kept(
+    return Kept(
         np.zeros((total, length, size), np.float32),
         np.zeros((total, length), np.int32),
         np.zeros((total, length), np.float32),
         np.full((total if recorded else 0, length + 1, 3), np.nan),
+        np.zeros((total if moments else 0, length), driving.MOMENT),
     )
 
 
-def services(
-    drawn: Drawn, facts: Facts, kept: driving.Kept, settings: task.TaskSettings
-) -> Trajectories:
+def services(drawn: Drawn, facts: Facts, kept: Kept, settings: task.TaskSettings) -> Trajectories:
     """What was written down, once the services have ended."""
     seen = None
     if len(kept.pose):

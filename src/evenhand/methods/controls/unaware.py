@@ -8,6 +8,7 @@ import numpy as np
 
 from evenhand.core import palette
 from evenhand.core.errors import InputError
+from evenhand.methods.epoch import Answers
 from evenhand.methods.guidance import Guidance
 from evenhand.methods.registry import BLINDNESS, method
 
@@ -48,3 +49,7 @@ class Unaware:
     def teach(self, epoch: Any, memory: None) -> tuple[Guidance, None]:
         """The rewards stay as they are."""
         return Guidance(), memory
+
+    def worth(self, answers: Answers, memory: None) -> np.ndarray:
+        """What each answer would have earned, [n, A]."""
+        return answers.reward

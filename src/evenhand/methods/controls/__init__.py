@@ -1,0 +1,1 @@
+"""Controls: what explains more even service without any fairness."""
