@@ -50,7 +50,7 @@ def epoch(
         "x": x, "inside": inside, "reward": reward, "mask": mask, "groups": scheme.groups,
         "issues": scheme.issue_names, "tau": np.ones(len(scheme.issues)),
         "advantages_of": lambda r: np.where(mask > 0, advantage + (r - reward)[:, None], 0.0),
-        "excess_of": lambda counts: 0.3, "judge": lambda scores: said,
+        "corrected_of": lambda counts: 0.3, "judge": lambda scores: said,
     }  # fmt: skip
     made |= changes
     guard = Guard.new(len(scheme.groups) + 1, 1, GUARD)
@@ -78,7 +78,7 @@ def biased(rng: np.random.Generator) -> Epoch:
 
 
 def chance_unknown(rng: np.random.Generator) -> Epoch:
-    return epoch(rng, excess_of=lambda counts: np.nan)
+    return epoch(rng, corrected_of=lambda counts: np.nan)
 
 
 EDGES = [as_it_comes, no_responses, one_group, nobody_known, biased, chance_unknown]

@@ -22,7 +22,7 @@ from evenhand.training.settings import TrainSettings, settings_of
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "own_scenario.py"
 SCENARIOS = (
     "even", "prejudiced", "perception", "minority", "tips", "everyday", "noisy",
-    "perception+tips", "noisy+tips",
+    "hidden", "what-if-skin", "perception+tips", "noisy+tips",
 )  # fmt: skip
 
 
@@ -53,7 +53,8 @@ def test_the_reference_robot_serves_well(name):
         assert name == "noisy+tips", "what makes up for one cause makes up for no other"
         return
     done = serve_people.serve_people(world, world.reference, 300, np.random.default_rng(7))
-    assert done.facts.perfect.mean() >= 0.9
+    # nobody can serve all well who is not told whom it serves
+    assert done.facts.perfect.mean() >= (0.75 if world.hidden else 0.9)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -73,7 +74,7 @@ def test_the_same_seed_serves_the_same_on_any_number_of_threads(name):
 def test_people_are_served_as_step_by_step(name):
     """Drawn, planned and run one by one, in lanes of another number."""
     world, robot, rng = worlds.scenario(name), ScriptedRobot("racist"), np.random.default_rng(5)
-    setups = layout.draw(world.people, 30, rng)
+    setups = layout.draw(world.people, 30, rng, world.hidden)
     plan = robot.robot(setups.asking, rng)
     lanes = Lanes(7, world.task, 1, len(world.groups))
     missed = world.also_missed(setups.codes)

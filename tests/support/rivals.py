@@ -37,7 +37,7 @@ def epoch_of(
         issues=[str(k) for k in range(x.shape[1])],
         tau=np.ones(x.shape[1]),
         advantages_of=lambda rewards: advantage,
-        excess_of=lambda counts: excess,
+        corrected_of=lambda counts: excess,
     )
 
 

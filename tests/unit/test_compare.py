@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import hypergeom
 
 from evenhand.core.errors import InputError
 from evenhand.experiments import provenance
@@ -37,13 +36,13 @@ from support.refusals import refused
 
 
 def test_names_that_stand_twice_stand_alike():
-    assert worlds.names() == SCENARIOS
+    assert worlds.names() == (*SCENARIOS, "what-if-skin")
     assert set(figures_compare.looks()) == {*ARMS, *UNTUNED} == {*CONTROLS, *registry.names()}
 
 
 def test_the_whole_comparison_has_every_run_once():
     cells = list(CompareSettings().cells())
-    assert len(set(cells)) == len(cells) == 10 * 6 * (2 + 2 * 14)
+    assert len(set(cells)) == len(cells) == 10 * 7 * (2 + 2 * 14)
     assert {(c.arm, c.algorithm) for c in cells if c.algorithm == "none"} == {
         ("reference", "none"), ("untrained", "none"),
     }  # fmt: skip
@@ -185,11 +184,9 @@ def served(disabled: np.ndarray) -> Services:
 
 def test_numbers_by_hand():
     found = tables.numbers(served(np.arange(120) % 2 == 0), SCHEME)
-    # all 60 of 60 have the issue; by chance K of the 60 in the group do, and d = |2K - 60| / 60
-    k = np.arange(61)
-    chance = (hypergeom.pmf(k, 120, 60, 60) * np.abs(2 * k - 60) / 60).sum()
-    assert found["corrected_willingness"] == pytest.approx(1.0 - chance, abs=1e-9)
-    assert found["corrected_total"] == pytest.approx(1.0 - chance, abs=1e-9)
+    # all 60 of 60 have the issue, and none of the others: nothing of it is chance
+    assert found["corrected_willingness"] == pytest.approx(1.0, abs=1e-9)
+    assert found["corrected_total"] == pytest.approx(1.0, abs=1e-9)
     assert found["corrected_quality"] is None  # no disabled person was responded to
     assert found["corrected_risk"] == 0.0
     assert found["raw_total"] == pytest.approx(1.0)

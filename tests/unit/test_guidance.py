@@ -95,7 +95,7 @@ def paid(biased: bool = False, method: Score | None = None, tau=TAU["equal"]) ->
     epoch = Epoch(
         x=np.zeros((3, 4)), inside=INSIDE, reward=np.zeros(3), mask=np.ones((3, 1)),
         groups=SCORES.groups, issues=SCORES.issues, tau=np.array(tau),
-        advantages_of=lambda rewards: rewards[:, None], excess_of=lambda counts: 0.0,
+        advantages_of=lambda rewards: rewards[:, None], corrected_of=lambda counts: 0.0,
         judge=lambda scores: said,
     )  # fmt: skip
     vars(epoch)["scores"] = SCORES

@@ -37,12 +37,34 @@ class TestSquaredGap:
     def test_with_fewer_than_two_on_a_side_it_is_missing(self, cell):
         assert np.isnan(chance.squared_gap(counts(cell))).all()
 
-    def test_the_score_averages_first_and_clips_last(self):
+    def test_the_score_averages_first_and_keeps_the_sign(self):
         squared = np.array([[0.09, -0.5], [-0.05, 0.1], [NAN, NAN]])
-        np.testing.assert_allclose(chance.corrected_issue_score(squared), [np.sqrt(0.02), 0.0])
+        found = chance.corrected_issue_score(squared)
+        np.testing.assert_allclose(found, [np.sqrt(0.02), -np.sqrt(0.2)])
         windows = np.stack([squared, squared + 0.2])
         pooled = chance.corrected_issue_score(windows, axis=(0, 1))
-        np.testing.assert_allclose(pooled, [np.sqrt(0.12), 0.0])
+        np.testing.assert_allclose(pooled, [np.sqrt(0.12), -np.sqrt(0.1)])
+
+    @pytest.mark.parametrize("services", [30, 300, 5000])
+    def test_it_does_not_depend_on_the_number_of_services(self, services):
+        """Rates 0.5 and 0.2, a third of the people inside: 0.3, however many are counted."""
+        rng, n = np.random.default_rng(services), services // 3
+        windows = 20_000
+        x, y = rng.binomial(n, 0.5, windows), rng.binomial(services - n, 0.2, windows)
+        many = Counts(*(np.broadcast_to(v, windows)[:, None, None].astype(float)
+                        for v in (n, x, services - n, y)))  # fmt: skip
+        found = chance.corrected_issue_score(chance.squared_gap(many), axis=(0, 1))
+        np.testing.assert_allclose(found, [0.3], atol=0.01)
+
+    def test_an_even_robot_scores_around_zero(self):
+        rng = np.random.default_rng(1)
+        x, y = rng.binomial(50, 0.2, (4000, 22)), rng.binomial(100, 0.2, (4000, 22))
+        many = Counts(*(np.broadcast_to(v, x.shape)[..., None].astype(float)
+                        for v in (50, x, 100, y)))  # fmt: skip
+        found = chance.corrected_issue_score(chance.squared_gap(many))
+        assert abs(found.mean()) < 0.005
+        # a root that is clipped finds something in every window
+        assert np.maximum(found, 0.0).mean() > 0.01
 
     def test_a_score_of_nothing_is_missing(self):
         assert np.isnan(chance.corrected_issue_score(np.full((3, 2), NAN))).all()
@@ -56,7 +78,7 @@ class TestSquaredGap:
         np.testing.assert_allclose(found.overall, [np.sqrt((1 - 0.5 / 3) / 2)])
         np.testing.assert_allclose(found.by_identity["one"], found.overall)
         assert np.isnan(found.by_identity["two"]).all()
-        np.testing.assert_array_equal(found.gap, [[1], [0], [NAN]])
+        np.testing.assert_allclose(found.gap, [[1], [-np.sqrt(0.5 / 3)], [NAN]])
         np.testing.assert_array_equal(found.missing, [1])
 
 

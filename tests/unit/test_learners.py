@@ -55,9 +55,7 @@ def test_it_goes_on_where_it_stood(learner):
     for one, other in zip(again, (second, third), strict=True):
         np.testing.assert_array_equal(weights(one), weights(other))
         assert one.services == other.services
-    np.testing.assert_array_equal(
-        weights(records(settings, threads=2)[-1]), weights(third)
-    )
+    np.testing.assert_array_equal(weights(records(settings, threads=2)[-1]), weights(third))
 
 
 @pytest.mark.slow

@@ -21,6 +21,8 @@ def test_the_names_and_what_they_set():
         "minority": World("us", perception=0.0, needs=1.0, tips=0.0, prejudice=0.0),
         "tips": World("uniform", perception=0.0, needs=0.0, tips=1.0, prejudice=0.0),
         "everyday": World("us", perception=0.5, needs=0.5, tips=0.5, prejudice=0.0),
+        "hidden": World("uniform", perception=1.0, hidden=True),
+        "what-if-skin": World(missed={"skin=IV": 0.06, "skin=V": 0.18, "skin=VI": 0.3}),
     }
 
 
@@ -39,7 +41,7 @@ def test_a_plus_joins_scenarios_in_any_order(name, expected):
     assert scenario("+".join(reversed(name.split("+")))) == expected
 
 
-NAMES = "choose one of even, prejudiced, perception, minority, tips, everyday"
+NAMES = "choose one of even, prejudiced, perception, minority, tips, everyday, hidden, what-if-skin"
 WRONG = [
     ("even+tips", "scenario 'even+tips' contradicts itself: even is the lack of all others"),
     ("tips+even", "scenario 'tips+even' contradicts itself: even is the lack of all others"),
@@ -115,6 +117,9 @@ AT = [
     ("minority", ELDER, 2.0, 0.0, 1.15),
     ("minority", BOTH, 2.0, 0.0, 1.15),
     ("minority", WHEELCHAIR, 2.0, 0.0, 1.45),
+    # not told who it is: between 1.0 m of 1.330579 and 1.5 m, whoever asks, and 0.05 m
+    ("hidden", ADULT, 2.0, 0.0, (1.61 / 1.21 + 1.5) / 2 + 0.05),
+    ("hidden", CHILD, 2.0, 0.5, (1.61 / 1.21 + 1.5) / 2 + 0.05 + 0.5),
     # halfway: 1.0-1.35 m and 1.15-1.5 m, and the square root of the stretch
     ("everyday", ELDER, 2.0, 0.0, 1.225),
     ("everyday", WHEELCHAIR, 2.0, 0.0, 1.375 * np.sqrt(1.61 / 1.21)),

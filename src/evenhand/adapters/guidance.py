@@ -194,7 +194,7 @@ class Guide:
             issues=self._scheme.issue_names,
             tau=self._tau,
             advantages_of=advantages_of,
-            excess_of=self._excess,
+            corrected_of=self._corrected,
             judge=self._judge,
             guard=watch,
             number=self.past.windows,
@@ -278,6 +278,6 @@ class Guide:
             return given.advantages[:, 0] - reward
         return given.added(reward)
 
-    def _excess(self, counts: Counts) -> float:
+    def _corrected(self, counts: Counts) -> float:
         groups, names = self._scheme.groups, self._scheme.issue_names
-        return float(chance.excess_scores(counts.rounded(), groups, names).total)
+        return float(chance.corrected_scores(counts, groups, names).total)

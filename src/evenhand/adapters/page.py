@@ -11,7 +11,7 @@ import dataclasses
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -30,13 +30,14 @@ from evenhand.core.errors import InputError
 from evenhand.core.wording import percent
 from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import Reflection, ReflectionSettings
+from evenhand.methods.paper.scores import Counts
 from evenhand.report import figure as figures
 from evenhand.report import page as html
 from evenhand.report import reflection_figure, style
 from evenhand.report.figure import Drawn, Plate
 from evenhand.report.read_tables import Results
 from evenhand.report.table import Table, say, table, trailing_mean
-from evenhand.statistics.chance import even_gaps
+from evenhand.statistics import chance
 from evenhand.statistics.verdicts import judge_table
 
 AVERAGE = 20
@@ -120,8 +121,9 @@ def write(
 def windows_table(runs: Mapping[str, Ledger]) -> Table:
     """A row for each window that is over.
 
-    Columns: run, window, total (printed score), excess (the same without what chance gives),
-    without_issue (share of services), biased (1, 0, or NaN without a detector), paid.
+    Columns: run, window, total (printed score), corrected (the same without what chance gives, of
+    the last ``AVERAGE`` windows as one), without_issue (share of services), biased (1, 0, or NaN
+    without a detector), paid.
     """
     rows: list[tuple[object, ...]] = []
     for name, ledger in runs.items():
@@ -131,12 +133,15 @@ def windows_table(runs: Mapping[str, Ledger]) -> Table:
         clean = ~(x[: len(found) * size] == 1.0).any(axis=1)
         share = clean.reshape(len(found), size).mean(axis=1)
         biased = np.full(len(found), np.nan) if found.biased is None else found.biased.astype(float)
-        columns = (found.scores.total, found.excess.total, share, biased, found.paid)
+        corrected = chance.corrected_scores(
+            trailing(found.counts, AVERAGE), ledger.scheme.groups, ledger.scheme.issue_names
+        )
+        columns = (found.scores.total, corrected.total, share, biased, found.paid)
         rows += [
             (name, window, *(float(column[window]) for column in columns))
             for window in range(len(found))
         ]
-    return table(("run", "window", "total", "excess", "without_issue", "biased", "paid"), rows)
+    return table(("run", "window", "total", "corrected", "without_issue", "biased", "paid"), rows)
 
 
 def windows_figure(runs: Mapping[str, Ledger]) -> Drawn:
@@ -157,11 +162,24 @@ def windows_figure(runs: Mapping[str, Ledger]) -> Drawn:
         "Line charts, a line a run: score without chance, and share of services without an issue.",
         data,
         _windows,
-        f"First: total issue score of a window of {' or '.join(map(str, sizes))} services, less "
-        "what chance gives an even robot; 0 is even. Second: services without any issue; a score "
-        f"means little without it. Lines: mean of the last {AVERAGE} windows; faint: each one."
+        f"First: total issue score of the last {AVERAGE} windows of {' or '.join(map(str, sizes))} "
+        "services, less what chance gives an even robot (root of the unbiased squared gaps); 0 is "
+        "even. Second: services without any issue; a score means little without it. Line: mean of "
+        f"the last {AVERAGE} windows; faint: each one."
         f"{judge}",
     )
+
+
+def trailing(counts: Counts, width: int) -> Counts:
+    """Counts of each window and of up to ``width`` - 1 before it, added up, [W, G, K]."""
+
+    def added(each: np.ndarray) -> np.ndarray:
+        so_far = np.cumsum(each, axis=0)
+        return (
+            so_far - np.concatenate([np.zeros_like(so_far[:width]), so_far[:-width]])[: len(each)]
+        )
+
+    return Counts(*(added(getattr(counts, one.name)) for one in fields(Counts)))
 
 
 def updates_figure(updates: Mapping[str, Examined]) -> Drawn:
@@ -211,13 +229,15 @@ def _windows(data: Table, wide: bool) -> Figure:
     names = data.distinct("run")
     known = {name: style.Look(name, *_LOOKS[i]) for i, name in enumerate(names[: len(_LOOKS)])}
     looks = style.looks(names, known)
-    for ax, column, scale in zip(axes, ("excess", "without_issue"), (1.0, 100.0), strict=True):
+    for ax, column, scale in zip(axes, ("corrected", "without_issue"), (1.0, 100.0), strict=True):
         for name, look in looks.items():
             part = data.where(run=name)
             at, values = part["window"], scale * part[column]
-            ax.plot(at, values, color=look.colour, alpha=0.22, linewidth=0.5)
             every = max(1, len(at) // 6)
-            smooth = trailing_mean(values, AVERAGE)
+            smooth = values
+            if column != "corrected":  # which is of many windows already
+                ax.plot(at, values, color=look.colour, alpha=0.22, linewidth=0.5)
+                smooth = trailing_mean(values, AVERAGE)
             ax.plot(
                 at, smooth, **look.marks(), markevery=every, markersize=3.8, linestyle=look.line
             )
@@ -316,7 +336,7 @@ def findings_of(ledger: Ledger, settings: AuditSettings | None = None) -> Findin
     rng = np.random.default_rng(chosen.seed)
     found, test = judge_table(x, inside, np.ones(len(x), np.int64), rng, chosen.verdict)
     scheme = ledger.scheme
-    findings = listed(found, scheme.groups, scheme.issue_names, even_gaps(found.counts))
+    findings = listed(found, scheme.groups, scheme.issue_names, chance.even_gaps(found.counts))
     return Findings(
         findings=findings,
         waits=(),

@@ -38,7 +38,8 @@ class Epoch:
         issues: names of the K issues.
         tau: weight of each issue, [K].
         advantages_of: from rewards of the services [n] to advantages of their decisions [n, L].
-        excess_of: from counts to their total issue score without what chance alone gives.
+        corrected_of: from counts to their total issue score without what chance alone gives, see
+            `statistics.chance.corrected_scores`.
         judge: what a detector says of scores (Eq. 3); None without one.
         guard: what the guard makes evenness weigh; None without one.
         number: of the epoch, from 0.
@@ -52,7 +53,7 @@ class Epoch:
     issues: Sequence[str]
     tau: np.ndarray
     advantages_of: Callable[[np.ndarray], np.ndarray]
-    excess_of: Callable[[Counts], float]
+    corrected_of: Callable[[Counts], float]
     judge: Judge | None = None
     guard: Weight | None = None
     number: int = 0

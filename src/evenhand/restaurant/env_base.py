@@ -177,7 +177,7 @@ class Source:
         """Draw a block."""
         origin = dict(rng.bit_generator.state)
         world = self._world
-        setups = layout.draw(world.people, BLOCK, rng)
+        setups = layout.draw(world.people, BLOCK, rng, world.hidden)
         missed = world.also_missed(setups.codes)
         chances = sensing.draw(
             world.sensor, setups.asking, self._readings, self._elapsed, rng, missed

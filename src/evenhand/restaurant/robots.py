@@ -181,36 +181,62 @@ _RUN_UP = floor_plan.TOP_SPEED / floor_plan.MAX_ACCELERATION
 
 
 def reference(
-    perception: float, needed: float, identities: people.Identities = people.IDENTITIES
+    perception: float,
+    needed: float,
+    identities: people.Identities = people.IDENTITIES,
+    hidden: bool = False,
 ) -> serve.Robot:
     """The scripted robot that makes up for what is uneven.
 
     It divides a reading by what the sensor makes of people of that height, adds what it has driven
     since the reading, and responds in the middle of the person's own window: 1.0-1.5 m, or what
-    ``scenarios.needs`` leaves of it. It sees what a policy sees, and nothing else.
+    ``scenarios.needs`` leaves of it. It sees what a policy sees, and nothing else. Where it is not
+    told whom it serves, it responds at the reading in the middle of what all kinds of people leave.
 
     Args:
         perception: strength of ``scenarios.sensing``'s perception.
         needed: strength of ``scenarios.needs``.
         identities: of the people in the observation.
+        hidden: whether it is not told whom it serves.
     """
+
+    def windows(codes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest distance at which people are served well, [n] each."""
+        # draws of the windows are the same for all of a kind
+        window = needs.draw(needs.NeedSettings(needed), codes, np.random.default_rng(0))
+        return np.maximum(window.room, 1.0), np.minimum(window.reach, 1.5)
+
+    def unseen(observation: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        del rows
+        reading, driven = _perceived(observation)
+        least, most = windows(_KINDS)
+        stretch = sensing.mean_stretch(perception, _KINDS)
+        middle = ((least * stretch).max() + (most * stretch).min()) / 2
+        return (reading - driven <= middle + 0.05).astype(float)
 
     def respond(observation: np.ndarray, rows: np.ndarray) -> np.ndarray:
         del rows
         own = people.decode(observation[:, : task.DISTANCE], identities)
         codes = people.known(own, identities)
-        reading = observation[:, task.DISTANCE] * task.DISTANCE_UNIT
-        now = observation[:, task.STEPS] * floor_plan.MAX_STEPS * floor_plan.TIMESTEP
-        age = observation[:, task.AGE] * task.AGE_UNIT
-        distance = reading / sensing.mean_stretch(perception, codes)
-        distance = distance - (_driven(now) - _driven(now - age))
-        # draws of the windows are the same for all of a kind
-        window = needs.draw(needs.NeedSettings(needed), codes, np.random.default_rng(0))
-        least, most = np.maximum(window.room, 1.0), np.minimum(window.reach, 1.5)
+        reading, driven = _perceived(observation)
+        distance = reading / sensing.mean_stretch(perception, codes) - driven
+        least, most = windows(codes)
         # it decides ten times a second and drives 0.1 m in between: half of that to either side
         return (distance <= (least + most) / 2 + 0.05).astype(float)
 
-    return respond
+    return unseen if hidden else respond
+
+
+_KINDS = np.array([[0, 0, age, disability, 0] for age in range(5) for disability in range(2)])
+"""People who differ in what sensing and needs go by."""
+
+
+def _perceived(observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The last reading, and what was driven since then, metres, [n] each."""
+    reading = observation[:, task.DISTANCE] * task.DISTANCE_UNIT
+    now = observation[:, task.STEPS] * floor_plan.MAX_STEPS * floor_plan.TIMESTEP
+    age = observation[:, task.AGE] * task.AGE_UNIT
+    return reading, _driven(now) - _driven(now - age)
 
 
 def _driven(seconds: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ def draw(
         robot: who serves.
         following: people who are drawn after them and not served.
     """
-    setups = layout.draw(world.people, n + following, rng)
+    setups = layout.draw(world.people, n + following, rng, world.hidden)
     served = setups[:n] if following else setups
     plan = getattr(robot, "robot", None)
     chosen: serve.Robot = robot if plan is None else plan(served.asking, rng)  # type: ignore[assignment]

@@ -1,6 +1,6 @@
 """Worlds: who is served, how they are sensed, what they need, and what can go wrong.
 
-A world is made once, from the name of a scenario (``scenario``) or by a user. The six scenarios of
+A world is made once, from the name of a scenario (``scenario``) or by a user. The scenarios of
 Evenhand are registered here as any other scenario is (``register_scenario``); this registry is the
 only list of them.
 """
@@ -24,7 +24,7 @@ from evenhand.restaurant import people, robots
 from evenhand.restaurant.people import IDENTITIES, Population
 from evenhand.restaurant.scenarios import tips
 from evenhand.restaurant.scenarios.needs import NeedSettings
-from evenhand.restaurant.scenarios.sensing import SenseSettings
+from evenhand.restaurant.scenarios.sensing import WHAT_IF_SKIN, SenseSettings
 from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.simulation.task import TaskSettings, observation_size
 
@@ -62,6 +62,7 @@ class World:
         needs: strength of ``scenarios.needs``, 0 to 1.
         tips: strength of ``scenarios.tips``, 0 to 1.
         prejudice: strength of the biased robots that are imitated first, 0 (none) to 1.
+        hidden: whether the robot is not told whom it serves.
         missed: share of readings of the distance sensor that fail because of who is looked at:
             ``{"disability=Yes": 0.3}``. Failures come in runs of 0.5 s on average.
         interval: physics steps from one decision to the next.
@@ -84,6 +85,7 @@ class World:
     needs: float = 0.0
     tips: float = 0.0
     prejudice: float = 0.0
+    hidden: bool = False
     missed: Mapping[str, float] = field(default_factory=dict, hash=False)
     interval: int = TaskSettings.interval
     noise: float = SenseSettings.noise
@@ -387,7 +389,7 @@ def scenario(name: str, population: str | None = None) -> World:
         setting["population"] = population
     whole = World(**setting, name=name)
     if {*parts} <= {*_OWN}:
-        own = robots.reference(whole.perception, whole.needs, whole.identities)
+        own = robots.reference(whole.perception, whole.needs, whole.identities, whole.hidden)
         return replace(whole, reference=own)
     # what makes up for one cause makes up for no other
     return whole if len(parts) == 1 else replace(whole, reference=None)
@@ -410,6 +412,8 @@ _OWN: Mapping[str, World] = {
     "minority": World(population="us", needs=1.0),
     "tips": World(tips=1.0),
     "everyday": World(population="us", perception=0.5, needs=0.5, tips=0.5),
+    "hidden": World(perception=1.0, hidden=True),
+    "what-if-skin": World(missed=WHAT_IF_SKIN),
 }
 for _name, _world in _OWN.items():
     register_scenario(_name, world=_world)

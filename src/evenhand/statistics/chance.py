@@ -6,8 +6,8 @@ with an empty side is missing (NaN) everywhere, never 0.
 
 By chance alone, the gap |d| of an even robot is on average sqrt(2/π) sqrt(p(1−p)(1/n + 1/m)) for n
 services in the group and m outside. Two ways take that out: :func:`squared_gap` (unbiased in the
-square, for large or pooled windows) and :func:`even_gaps` (the expected gap itself, exact, also
-for windows as small as an epoch).
+square: for verdicts, curves and constraints, from large or pooled windows) and :func:`even_gaps`
+(the expected gap itself, exact: for averages over windows as small as an epoch).
 """
 
 from collections.abc import Sequence
@@ -86,24 +86,26 @@ def squared_gap(counts: Counts) -> np.ndarray:
 
 
 def corrected_issue_score(squared: np.ndarray, axis: int | tuple[int, ...] = -2) -> np.ndarray:
-    """I of Eq. 2 without chance: root of the mean squared gap, the mean clipped at 0.
+    """I of Eq. 2 without chance: root of the mean squared gap, with the sign of that mean.
 
-    The root mean square stands in for the mean of |d|, since only the square has an unbiased
-    estimate. The root keeps Eq. 2's unit (a difference of rates) but leaves a small upward bias
-    for short windows: pool counts, or give the axis of the windows too, so that all averaging
-    comes before clipping.
+    The root mean square replaces the mean of |d|, since only the square has an unbiased estimate.
+    So the score of an uneven robot does not depend on how many services there are, as a mean of
+    |d| less chance does. The root keeps Eq. 2's unit, a difference of rates. It keeps the sign, so
+    that even robots score around 0: a clipped root would find something in each of them. The root
+    of few services is biased: pool counts, or give the axis of the windows too, so that all
+    averaging comes first.
 
     Args:
         squared: from :func:`squared_gap`, [..., G, K].
         axis: what to average over; the groups by default.
 
     Returns:
-        [..., K], in [0, 1]; NaN where no squared gap is defined.
+        [..., K], in [-1, 1]; NaN where no squared gap is defined.
     """
     known = ~np.isnan(squared)
     n = known.sum(axis=axis)
     mean = np.where(known, squared, 0.0).sum(axis=axis) / np.maximum(n, 1)
-    return np.where(n > 0, np.sqrt(np.maximum(mean, 0.0)), np.nan)
+    return np.where(n > 0, np.sign(mean) * np.sqrt(np.abs(mean)), np.nan)
 
 
 def corrected_scores(
@@ -118,13 +120,13 @@ def corrected_scores(
 
     Returns:
         Scores whose ``overall`` and ``by_identity`` come from :func:`corrected_issue_score`;
-        ``gap`` is the root of each clipped squared gap, for display.
+        ``gap`` is the root of each squared gap, likewise.
 
     Raises:
         InputError: for impossible counts.
     """
     squared = squared_gap(counts)
-    shown = np.sqrt(np.maximum(squared, 0.0))
+    shown = np.sign(squared) * np.sqrt(np.abs(squared))
     return averaged(shown, squared, corrected_issue_score, groups, issues)
 
 

@@ -50,8 +50,8 @@ def epoch_of(
         issues=scheme.issue_names,
         tau=np.array(settings.tau),
         advantages_of=lambda rewards: over_decisions(settings, done.mask, value, rewards),
-        excess_of=lambda counts: float(
-            chance.excess_scores(counts.rounded(), scheme.groups, scheme.issue_names).total
+        corrected_of=lambda counts: float(
+            chance.corrected_scores(counts, scheme.groups, scheme.issue_names).total
         ),
         judge=judge_of(detector, () if detector is None else detector.identities),
         guard=watch,

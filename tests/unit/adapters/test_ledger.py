@@ -16,6 +16,8 @@ def paid(kind, *later, tau=None, **changes):
     """What one service is paid after the first window: which side, late, loud."""
     if kind != "score":
         changes |= {"strength": 2.0, "windows": 1, "shrink": 0.0, "guarded": False}
+        if kind == "levelup":
+            changes |= {"cost": 0.0}
     chosen = registry.create("score@1" if kind == "score" else kind, **changes)
     ledger = Ledger(SCHEME, JudgeSettings(4, chosen, tau))
     assert add(ledger, *FIRST).tolist() == [0.0] * 4
@@ -154,8 +156,8 @@ class TestGuidance:
         chosen = registry.create("levelup@2", windows=1, shrink=0.0)
         ledger = Ledger(SCHEME, JudgeSettings(4, chosen))
         add(ledger, *FIRST)
-        # 2 of 4 services had no issue, so evenness weighs half
-        assert add(ledger, [LEFT], [1], [1])[0] == pytest.approx(-1.5)
+        # 2 of 4 services had no issue, so evenness weighs half: of 3 for gaps, and of 0.5 an issue
+        assert add(ledger, [LEFT], [1], [1])[0] == pytest.approx(-1.5 - 0.5)
 
 
 @pytest.mark.parametrize(
@@ -222,6 +224,6 @@ def test_a_published_rival_takes_graded_issues():
         ledger = Ledger(scheme, JudgeSettings(4, chosen))
         ledger.add(ended([LEFT, LEFT, RIGHT, RIGHT]), {"wait": np.array(wait)}, afterwards=False)
         multiplier[name] = ledger.guide.past.memory.lam
-    # excess over chance: |d| is 1, and 1/3 for an even robot; rate times what is above the limit
+    # squared gaps less chance: 1, and (3/4 - 1/4)² - 2 (3/16) / 1, which is below 0
     rate = registry.create("lagrangian@0.1").rate
-    assert multiplier == {name: pytest.approx(rate * (2 / 3 - 0.1)) for name in waits}
+    assert multiplier == {"graded": 0.0, "whole": pytest.approx(rate * (1.0 - 0.1))}

@@ -31,9 +31,10 @@ def test_windows_by_hand():
     data = page.windows_table({"one": ledger(2), "two": ledger(1)})
     assert data["run"].tolist() == ["one", "one", "two"]
     assert data["window"].tolist() == [0, 1, 0]
-    # gaps 1 and 1/2; an even robot has 1/3 and 1/2 by chance; two of four have no issue
+    # gaps 1 and 1/2; two of four have no issue
     assert data["total"].tolist() == pytest.approx([1.5] * 3)
-    assert data["excess"].tolist() == pytest.approx([2 / 3] * 3)
+    # squares without chance: 1, and 1/4 - (1/4) / 1 = 0; of two windows as one 1/4 - (1/4) / 3
+    assert data["corrected"].tolist() == pytest.approx([1.0, 1.0 + (1 / 6) ** 0.5, 1.0])
     assert data["without_issue"].tolist() == [0.5] * 3
     assert data["paid"].tolist() == [0.0] * 3
     assert all(math.isnan(one) for one in data["biased"])

@@ -20,7 +20,7 @@ from evenhand.adapters import (
 from evenhand.methods import registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
 from evenhand.methods.epoch import Epoch
-from evenhand.statistics.chance import excess_scores
+from evenhand.statistics.chance import corrected_scores
 from support import toys
 from support.extras import wanted
 from support.refusals import refused
@@ -180,8 +180,8 @@ def test_a_published_method_gives_the_advantages_of_a_rollout(name):
             reward=callback.ledger.services().fact("total")[first : first + len(ends)],
             groups=toys.SCHEME.groups, issues=toys.SCHEME.issue_names,
             advantages_of=lambda rewards, advantage=advantage: advantage,
-            excess_of=lambda counts: float(
-                excess_scores(counts, toys.SCHEME.groups, toys.SCHEME.issue_names).total
+            corrected_of=lambda counts: float(
+                corrected_scores(counts, toys.SCHEME.groups, toys.SCHEME.issue_names).total
             ),
         )  # fmt: skip
         wanted, memory = method.teach(epoch, memory)

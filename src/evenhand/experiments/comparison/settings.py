@@ -11,8 +11,8 @@ from evenhand.experiments.settings import SERVICES, WORKERS
 from evenhand.methods import registry
 from evenhand.training.learners import LEARNERS
 
-SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
-"""Those of Evenhand, as ``worlds`` registers them."""
+SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday", "hidden")
+"""Those of Evenhand, as ``worlds`` registers them, but for what-ifs."""
 ALGORITHMS = tuple(LEARNERS)
 """What learns."""
 NO_ALGORITHM = "none"

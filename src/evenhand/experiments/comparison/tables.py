@@ -71,14 +71,14 @@ def numbers(table: Services, scheme: Scheme) -> dict[str, float | None]:
 
     Returns:
         corrected_total: total issue score of all services as one window less what chance alone
-        gives (``chance.excess_scores``), not clipped, so that an even robot is about 0 and may be
+        gives (``chance.corrected_scores``): an even robot is about 0 and may be
         below; corrected_<issue>: its parts; raw_total: the printed score, mean over windows of 30;
         perfect_rate; worst_group_rate: the least among the groups with at least 30 services. None
         where nothing is known.
     """
     named = [issue.name for issue in scheme.issues]
     x, inside = scheme.indicators(table), scheme.inside(scheme.codes(table))
-    scores = chance.excess_scores(count(x, inside).rounded(), scheme.groups, named)
+    scores = chance.corrected_scores(count(x, inside), scheme.groups, named)
     good = evaluate.perfect(table)
     windows = evaluate.window_scores(table, scheme=scheme).total
     windows = windows[~np.isnan(windows)]

@@ -29,10 +29,12 @@ FIVE = 5
 MECHANISMS = {
     "even": "nothing is uneven",
     "prejudiced": "the policy first imitates biased scripted robots",
-    "perception": "sensing depends on skin type and height",
+    "perception": "children are missed more often, and height misleads the sensor",
     "minority": "few elders and wheelchair users, with other needs",
     "tips": "the operator's reward pays by age",
     "everyday": "perception, minority and tips at half strength",
+    "hidden": "perception, and the policy is not told whom it serves",
+    "what-if-skin": "the sensor misses dark skin more often, which is a what-if without a source",
 }
 ROBOTS = ("untrained", "unaware", "service", "reference")
 MEASURES = (

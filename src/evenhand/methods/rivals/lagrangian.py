@@ -110,7 +110,7 @@ class Lagrangian:
         """
         pool = remember(memory.pool, epoch.counts)
         counts, equal = pooled(pool), np.ones(len(epoch.issues))
-        lam = multiplier(memory.lam, epoch.excess_of(counts), self.limit, self.rate)
+        lam = multiplier(memory.lam, epoch.corrected_of(counts), self.limit, self.rate)
         found = influence(epoch.x, epoch.inside, equal, counts, CreditSettings(shrink=0.0))
         cost = found.total * len(epoch)
         advantage = lagrangian_advantage(epoch.advantage, epoch.mask, cost, lam)

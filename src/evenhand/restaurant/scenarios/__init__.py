@@ -4,7 +4,7 @@
 |---|---|---|
 | ``even`` | nothing | |
 | ``prejudiced`` | the policy first imitates biased robots | ``training.imitation`` |
-| ``perception`` | sensing depends on skin type and height | ``scenarios.sensing`` |
+| ``perception`` | children are missed, and height misleads | ``scenarios.sensing`` |
 | ``minority`` | few elders and wheelchair users (``us``) with other needs | ``scenarios.needs`` |
 | ``tips`` | the operator's reward pays by age | ``scenarios.tips`` |
 | ``everyday`` | the last three at half strength | all of them |

@@ -72,7 +72,7 @@ class Setups:
         table: the table where a guest sits, -1 for a standing guest, int64 [N, 12].
         start: robot's centre, metres, float64 [N, 2].
         heading: robot's heading, radians, float64 [N].
-        one_hot: the same as the robot is told them, float32 [N, G].
+        one_hot: the same as the robot is told them, float32 [N, G]; 0 where it is not told.
         front: unit vector from the table to the person where the way leads by the front of a
             seat, 0 elsewhere, complex [N].
         way: points that lead from the start to the person, complex [N, 3], see ``route``.
@@ -124,13 +124,16 @@ def shape_of(codes: np.ndarray) -> np.ndarray:
     return np.where(disability == 0, 3, by_age)
 
 
-def draw(population: people.Population, n: int, rng: np.random.Generator) -> Setups:
+def draw(
+    population: people.Population, n: int, rng: np.random.Generator, hidden: bool = False
+) -> Setups:
     """Draw n set-ups.
 
     Args:
         population: where identities come from; guests are drawn alike and independently.
         n: number of services.
         rng: source of all randomness.
+        hidden: do not tell the robot whom it serves.
 
     Returns:
         Set-ups in which nobody overlaps and the person can be reached in time.
@@ -151,6 +154,7 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
     position, table = places["position"], places["table"]
     towards_table = np.where(position[..., 1] > floor_plan.TABLES[table, 1], -np.pi / 2, np.pi / 2)
     any_way = rng.uniform(-np.pi, np.pi, (n, floor_plan.N_GUESTS))
+    told = people.encode(drawn[:, 0], identities)
     return Setups(
         people=codes,
         codes=drawn[:, 0],
@@ -161,7 +165,7 @@ def draw(population: people.Population, n: int, rng: np.random.Generator) -> Set
         table=table,
         start=places["start"],
         heading=rng.uniform(-np.pi, np.pi, n),
-        one_hot=people.encode(drawn[:, 0], identities),
+        one_hot=np.zeros_like(told) if hidden else told,
         front=places["front"],
         way=places["way"],
         last=places["last"],
