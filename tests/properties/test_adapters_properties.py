@@ -18,6 +18,7 @@ from evenhand.adapters import (
     invented,
     own_issue,
 )
+from evenhand.methods import registry
 from evenhand.methods.services import Services
 from support.toys import SCHEME, Toy, facts_of
 
@@ -93,7 +94,11 @@ def rewards(settings, mode=AutoresetMode.SAME_STEP):
     return np.array([env.step(np.zeros(3, int))[1] for _ in range(200)]), env
 
 
-@pytest.mark.parametrize("method", ["levelup@0", "influence@0", "score@0", "service"])
+@pytest.mark.parametrize(
+    "method",
+    [registry.create("levelup@0", cost=0.0), "influence@0", "score@0", "service"],
+    ids=["levelup", "influence", "score", "service"],
+)
 def test_evenness_without_weight_leaves_every_reward_bit_for_bit(method):
     bare = SyncVectorEnv([Toy] * 3, autoreset_mode=AutoresetMode.SAME_STEP)
     bare.reset(seed=1)

@@ -8,7 +8,7 @@ from tyro.conf import arg
 
 from evenhand.cli import inputs
 from evenhand.core import files
-from evenhand.core.errors import whole
+from evenhand.core.errors import InputError, whole
 from evenhand.core.processors import CORES
 from evenhand.experiments.settings import DEMO_SEED, SEEDS, WINDOWS, WORKERS
 from evenhand.restaurant import people
@@ -40,6 +40,17 @@ class Demos:
     population: Annotated[str, arg(metavar="uniform|us|fairface")] = "uniform"
     """Where people are drawn from: all categories alike, or published shares."""
 
+    manners: bool = False
+    """Vary one manner at a time (far, near, close, late, ignore) instead of the paper's robots, so
+    that answers can tell what people mind. The folder then holds judgements.csv with too_near and
+    too_far in place of quality, for `evenhand train --judges`."""
+
+    minds: Annotated[
+        tuple[str, ...] | None, arg(metavar="ISSUE ...", help_behavior_hint="(optional)")
+    ] = None
+    """With --manners: what the simulated people mind, of willingness, too_near, too_far, priority
+    and risk; all of them by default. `--minds` with nothing after it: nobody minds anything."""
+
     workers: int = CORES
     """Processes that work at the same time; results do not depend on it."""
 
@@ -49,7 +60,14 @@ class Demos:
         whole("seed", self.seed, *SEEDS)
         whole("workers", self.workers, *WORKERS)
         people.population(self.population)
+        if self.minds is not None and not self.manners:
+            raise InputError(
+                "conflict minds",
+                "--minds chooses what people mind of single manners: add --manners",
+            )
         inputs.load_physics()
+        if self.manners:
+            return self._manners()
         from evenhand.core import terminal
         from evenhand.core.processes import run_all
         from evenhand.experiments.paper import demonstrations, tables
@@ -88,4 +106,39 @@ class Demos:
             ],
         )
         print(out)
+        return 0
+
+    def _manners(self) -> int:
+        """Serve windows of one manner each, let a crowd judge them, and print what it minds."""
+        from evenhand.core import terminal
+        from evenhand.experiments import tastes
+        from evenhand.methods import issue_weights
+        from evenhand.methods.paper.detector import complete
+        from evenhand.methods.vocabulary import SIMULATED
+        from evenhand.report import table
+
+        minds = tastes.MINDED if self.minds is None else self.minds
+        out = files.make_folder(self.out)
+        fixed = {
+            "windows": self.windows, "seed": self.seed, "population": self.population,
+            "manners": True, "minds": list(minds),
+        }  # fmt: skip
+        with files.locked(out):
+            files.claim_folder(out, "demonstrations.json", fixed)
+            seen = tastes.serve(self.windows, self.seed, self.population)
+            biased = tastes.judge(seen, minds, self.seed)
+            table.write(out / "judgements.csv", tastes.judgements(seen, biased))
+        whole = complete(seen.scores)
+        found = issue_weights.fit(
+            seen.scores[whole], biased[whole], source=SIMULATED, issues=tastes.MINDED
+        )
+        terminal.table(
+            f"Weights of the issues by {found.rows} judgements of {SIMULATED}",
+            ("issue", "minded", "weight"),
+            [
+                [name, "yes" if name in minds else "no", weight]
+                for name, weight in zip(found.issues, found.tau, strict=True)
+            ],
+        )
+        print(out / "judgements.csv")
         return 0

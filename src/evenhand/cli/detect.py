@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -87,8 +88,20 @@ class DetectFit:
                 )
             ],
         )
+        shipped = inputs.load_detector(None)
+        alike = float((fitted.judge(scores) == shipped.judge(scores)).mean())
+        if alike < AGREEMENT:
+            print(
+                f"warning: it judges {100 * (1 - alike):.0f} % of these windows otherwise than the "
+                "detector that comes with Evenhand; check the column biased",
+                file=sys.stderr,
+            )
         print(self.out)
         return 0
+
+
+AGREEMENT = 0.8
+"""Below this share of windows a detector is said to disagree with the one that comes along."""
 
 
 @dataclass(frozen=True)

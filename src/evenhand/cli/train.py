@@ -10,9 +10,10 @@ from tyro.conf import arg
 
 from evenhand.cli import inputs
 from evenhand.cli.inputs import OPTIONAL, Plugin, registered, scenario_help
-from evenhand.core.errors import InputError, whole
+from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES, THREADS
 from evenhand.methods import registry
+from evenhand.methods.vocabulary import SOURCES
 
 if TYPE_CHECKING:
     from evenhand.training.settings import TrainSettings
@@ -99,6 +100,14 @@ class Train:
     Without it: the one that comes along, fitted to simulated respondents, where it knows the
     scenario's issues and identities; else no epoch is called biased."""
 
+    judges: Annotated[Path | None, arg(metavar="FILE", help_behavior_hint="(optional)")] = None
+    """What people mind: their answers (CSV, as for `evenhand detect fit`) or a detector (JSON).
+    It gives the weights of the issues in Eq. 4, level-up, influence and surgery, in place of --tau.
+    Columns too_near and too_far may stand in place of quality."""
+
+    judges_source: Annotated[str, arg(metavar="WHO")] = "respondents"
+    """Who gave the answers: "respondents", or "simulated respondents"; the run notes it."""
+
     threads: int = CORES
     """Threads that step the physics; the run is the same to the last bit on any number."""
 
@@ -130,6 +139,7 @@ class Train:
         else:
             judge = inputs.load_detector(self.detector)
             train.check_detector(judge, settings)
+            train.check_steering(settings)
         with loggers.opened(self.log or (), self.out) as note, terminal.stages() as stage:
             tell = stage(f"{self.algorithm}, seed {self.seed}", self.epochs * self.people)
 
@@ -154,8 +164,14 @@ class Train:
         Raises:
             InputError: for settings that do not exist, or do not go together.
         """
+        from evenhand.methods import issue_weights
         from evenhand.training.settings import settings_of
 
+        if self.judges_source not in SOURCES:
+            raise unknown("judges-source", self.judges_source, SOURCES)
+        judges = (
+            None if self.judges is None else issue_weights.read(self.judges, self.judges_source)
+        )
         base = settings_of(
             self.preset,
             self.algorithm,
@@ -168,6 +184,7 @@ class Train:
             base,
             people=self.people,
             tau=inputs.parse_tau(self.tau),
+            judges=judges,
             scenario=self.scenario,
             policy=replace(base.policy, kind=self.policy),
         )

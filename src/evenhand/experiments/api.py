@@ -22,7 +22,8 @@ from evenhand.core.errors import InputError, whole
 from evenhand.core.frames import data_frame
 from evenhand.core.processors import CORES, THREADS
 from evenhand.experiments.settings import SEEDS, SERVICES, TEST_SEED
-from evenhand.methods import detector_file, registry
+from evenhand.methods import detector_file, issue_weights, registry
+from evenhand.methods.issue_weights import IssueWeights
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Services
@@ -305,6 +306,7 @@ def train(
     seed: int = 0,
     settings: TrainSettings | None = None,
     detector: Detector | str | os.PathLike[str] | None = None,
+    judges: IssueWeights | str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     threads: int = CORES,
     progress: bool = False,
@@ -324,6 +326,9 @@ def train(
         seed: of everything random.
         settings: everything at once; then nothing above may be given.
         detector: judges every epoch, or its file; the one that comes with Evenhand by default.
+            For a method that asks for verdicts.
+        judges: what people mind, or a file of their answers or of a detector: the weights of the
+            issues.
         out: a folder that keeps the run, and from which it resumes.
         threads: that step the physics; results are the same on any number.
         progress: show a bar.
@@ -335,7 +340,7 @@ def train(
     given = {
         "scenario": scenario, "guidance": guidance, "preset": preset, "algorithm": algorithm,
         "epochs": epochs, "people": people, "population": population, "policy": policy,
-        "seed": seed,
+        "seed": seed, "judges": judges,
     }  # fmt: skip
     whole("threads", threads, *THREADS)
     set_up_jax()
@@ -343,9 +348,14 @@ def train(
         base = settings_of(
             preset, algorithm, guidance, seed=seed, epochs=epochs, population=population
         )
+        weights = judges
+        if judges is not None and not isinstance(judges, IssueWeights):
+            weights = issue_weights.read(Path(judges))
+        assert weights is None or isinstance(weights, IssueWeights)
         settings = replace(
-            base, people=people, scenario=scenario, policy=replace(base.policy, kind=policy)
-        )
+            base, people=people, scenario=scenario, policy=replace(base.policy, kind=policy),
+            judges=weights,
+        )  # fmt: skip
     else:
         usual = inspect.signature(train).parameters
         for name, value in given.items():
@@ -357,8 +367,10 @@ def train(
     judge = detector
     if detector is None:
         judge = learning.shipped_detector(settings)
-    elif not isinstance(detector, Detector):
-        judge = detector_file.load(Path(detector))
+    else:
+        learning.check_steering(settings)
+        if not isinstance(detector, Detector):
+            judge = detector_file.load(Path(detector))
     assert judge is None or isinstance(judge, Detector)
     with terminal.stages() if progress else terminal.silent() as stage:
         tell = stage(f"{settings.update.algorithm}, seed {settings.seed}", settings.epochs)

@@ -37,6 +37,8 @@ class Epoch:
         groups: (identity, category) of the G groups.
         issues: names of the K issues.
         tau: weight of each issue, [K].
+        scored: issues that are scored and judged where these are others than are weighed: their
+            names and [n, K'] of them; None where they are the same.
         advantages_of: from rewards of the services [n] to advantages of their decisions [n, L].
         corrected_of: from counts to their total issue score without what chance alone gives, see
             `statistics.chance.corrected_scores`.
@@ -57,6 +59,7 @@ class Epoch:
     judge: Judge | None = None
     guard: Weight | None = None
     number: int = 0
+    scored: tuple[Sequence[str], np.ndarray] | None = None
 
     def __len__(self) -> int:
         return len(self.x)
@@ -74,8 +77,16 @@ class Epoch:
 
     @cached_property
     def scores(self) -> Scores:
-        """How uneven these services were (Eq. 1 and 2)."""
+        """How uneven these services were in what is weighed (Eq. 1 and 2)."""
         return scores_of(self.counts, tuple(self.groups), tuple(self.issues))
+
+    @cached_property
+    def judged(self) -> Scores:
+        """How uneven they were in what is judged."""
+        if self.scored is None:
+            return self.scores
+        names, x = self.scored
+        return scores_of(count(x, self.inside), tuple(self.groups), tuple(names))
 
     @cached_property
     def verdict(self) -> WindowVerdict:
@@ -86,7 +97,7 @@ class Epoch:
         """
         if self.judge is None:
             raise InputError("missing detector", "the method asks for a verdict: give a detector")
-        return self.judge(self.scores)
+        return self.judge(self.judged)
 
     @property
     def biased(self) -> bool:
@@ -132,6 +143,7 @@ class Answers:
             inside=np.repeat(self.window.inside, answers, axis=0),
             reward=self.reward.reshape(-1),
             mask=np.zeros((n * answers, 0)),
+            scored=None,
         )
 
 

@@ -61,6 +61,8 @@ class Score:
 
     def pay(self, services: Epoch, window: Epoch, memory: None) -> np.ndarray:
         """What services earn by the scores of a window that is over, [m]."""
+        if not services.tau.any():  # people mind nothing
+            return np.zeros(len(services))
         paid = self._rewards(services, window)
         return self.strength * paid / services.tau.sum()
 

@@ -203,9 +203,14 @@ class World:
             found[fact.name] = values
         return found
 
-    def indicators(self, done: serve.Trajectories) -> np.ndarray:
-        """Which service has which issue, float64 [n, K], NaN where one does not apply."""
-        return self.scheme.indicators(_Told(done.facts, self.told(done)))
+    def indicators(self, done: serve.Trajectories, scheme: Scheme | None = None) -> np.ndarray:
+        """Which service has which issue, float64 [n, K], NaN where one does not apply.
+
+        Args:
+            done: finished services.
+            scheme: with other issues than those of this world.
+        """
+        return (scheme or self.scheme).indicators(_Told(done.facts, self.told(done)))
 
     def robot_to_compare_with(self) -> AnyRobot:
         """The reference robot.

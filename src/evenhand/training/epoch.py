@@ -38,8 +38,11 @@ def epoch_of(
     Returns:
         The epoch, and what becomes of the guard.
     """
-    world, scheme = settings.world, settings.world.scheme
-    x, inside = world.indicators(done), scheme.inside(done.codes)
+    world, scheme = settings.world, settings.scheme
+    x, inside = indicators(settings, done), scheme.inside(done.codes)
+    scored = None
+    if settings.judges is not None:
+        scored = (world.scheme.issue_names, world.indicators(done))
     watch = Watch(guard, x, inside)
     epoch = Epoch(
         x=x,
@@ -56,8 +59,14 @@ def epoch_of(
         judge=judge_of(detector, () if detector is None else detector.identities),
         guard=watch,
         number=number,
+        scored=scored,
     )
     return epoch, watch
+
+
+def indicators(settings: TrainSettings, done: serve.Trajectories) -> np.ndarray:
+    """Which service has which issue that evenness weighs, [n, K]."""
+    return settings.world.indicators(done, settings.scheme)
 
 
 def answers_of(settings: TrainSettings, walked: walks.Walks, epoch: Epoch) -> Answers:
@@ -70,7 +79,7 @@ def answers_of(settings: TrainSettings, walked: walks.Walks, epoch: Epoch) -> An
     """
     world, every = settings.world, walked.every
     n = len(epoch)
-    x = world.indicators(every)
+    x = indicators(settings, every)
     return Answers(
         x=x.reshape(n, -1, x.shape[1]), reward=earned(world, every).reshape(n, -1), window=epoch
     )

@@ -28,7 +28,7 @@ class Memory:
     @classmethod
     def begin(cls, settings: TrainSettings) -> Memory:
         """Before the first epoch."""
-        scheme = settings.world.scheme
+        scheme = settings.scheme
         groups, issues = len(scheme.groups), len(scheme.issues)
         return cls(
             Guard.new(groups + 1, 1, GUARD),

@@ -24,6 +24,7 @@ import numpy as np
 from evenhand.core import files
 from evenhand.core.errors import InputError
 from evenhand.methods import detector_file, registry
+from evenhand.methods.issue_weights import IssueWeights
 from evenhand.methods.paper.detector import Detector
 from evenhand.methods.services import Services
 from evenhand.restaurant import worlds
@@ -284,8 +285,10 @@ def _from_dict(kind: type, content: dict[str, Any], where: Path) -> Any:
         value = content[field.name]
         if field.name == "method":
             value = registry.restored(value)
-        elif isinstance(value, dict) and isinstance(field.default_factory, type):
-            value = _from_dict(field.default_factory, value, where)
+        elif isinstance(value, dict):
+            part = IssueWeights if field.name == "judges" else field.default_factory
+            assert isinstance(part, type)
+            value = _from_dict(part, value, where)
         values[field.name] = tuple(value) if isinstance(value, list) else value
     return kind(**values)
 

@@ -11,7 +11,10 @@ import numpy as np
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods import guidance, registry
 from evenhand.methods.beyond.reflection import ReflectionSettings
+from evenhand.methods.issue_weights import IssueWeights
 from evenhand.methods.paper import rewards
+from evenhand.methods.paper.issues import Issue
+from evenhand.methods.scheme import Scheme
 from evenhand.restaurant import worlds
 from evenhand.training.learners import LEARNERS
 from evenhand.training.policy import PolicySettings
@@ -52,6 +55,10 @@ class TrainSettings:
     tau: tuple[float, ...] = rewards.TAU["equal"]
     """Weight of each issue, in evenness and in self-reflection; all alike by default."""
 
+    judges: IssueWeights | None = None
+    """What people mind: the weights of the issues, in place of tau; see ``methods.issue_weights``.
+    Where they were asked of too near and too far, evenness weighs these in place of quality."""
+
     reflect: bool = True
     """Examine every update along the bias gradient."""
 
@@ -87,6 +94,17 @@ class TrainSettings:
         """Of the scenario, with the population that was chosen."""
         return worlds.scenario(self.scenario, self.population)
 
+    @cached_property
+    def scheme(self) -> Scheme:
+        """Identities, facts and issues that evenness weighs; scored are those of the world."""
+        scheme = self.world.scheme
+        return scheme if self.judges is None else replace(scheme, issues=self._issues)
+
+    @cached_property
+    def _issues(self) -> tuple[Issue, ...]:
+        issues = self.world.scheme.issues
+        return issues if self.judges is None else self.judges.of(issues)
+
     def __getstate__(self) -> dict[str, Any]:
         # without the world, whose rules may be functions that no other process can be sent
         return {one.name: getattr(self, one.name) for one in fields(self)}
@@ -99,6 +117,13 @@ class TrainSettings:
 
     def _tau(self) -> tuple[float, ...]:
         issues = self.world.scheme.issue_names
+        if self.judges is not None:
+            _ = self._issues
+            if tuple(self.tau) not in (rewards.TAU["equal"], self.judges.tau):
+                raise InputError(
+                    "conflict tau", "tau and judges both give weights of the issues: give one"
+                )
+            return self.judges.tau
         if tuple(self.tau) == rewards.TAU["equal"]:
             return (1.0,) * len(issues)
         if len(self.tau) != len(issues):

@@ -177,10 +177,10 @@ def train(
         table = serve_people.table(
             done, world, settings.update.algorithm, epoch=number, first=first
         )
-        numbers = _numbers(settings, done.facts, epoch.scores, evenness)
+        numbers = _numbers(settings, done.facts, epoch.judged, evenness)
         numbers |= {
             "biased_detector": epoch.biased,
-            "biased_threshold": bool(epoch.scores.total > settings.threshold),
+            "biased_threshold": bool(epoch.judged.total > settings.threshold),
             # -inf, which becomes a missing number, when nothing could be judged
             "probability": np.nan_to_num(epoch.verdict.probability, nan=-np.inf).max(),
             "guard_strength": memory.guard.strength,
@@ -261,6 +261,21 @@ def check_detector(detector: Detector | None, settings: TrainSettings) -> None:
         )
 
 
+def check_steering(settings: TrainSettings) -> None:
+    """Whether a detector that somebody chose can change a run.
+
+    Raises:
+        InputError: when the method asks for no verdict.
+    """
+    if registry.VERDICT not in registry.needs_of(settings.method):
+        name = registry.name_of(settings.method)
+        raise InputError(
+            "unsupported detector",
+            f"method {name} asks for no verdict, so a detector would change nothing: let it weigh "
+            "the issues (judges), or choose a method that asks, such as penalty",
+        )
+
+
 def _examined(
     settings: TrainSettings,
     before: ActorCritic,
@@ -269,7 +284,7 @@ def _examined(
     epoch: Epoch,
 ) -> reflection_gradients.Examination:
     """Examine an update by the epoch's own counts: pooled ones would raise false alarms."""
-    scheme, tau = settings.world.scheme, settings.tau
+    scheme, tau = settings.scheme, settings.tau
     found = influence(epoch.x, epoch.inside, tau, settings=CreditSettings(shrink=0.0))
     return reflection_gradients.examine(
         before, after, trajectories, found, scheme.groups, scheme.issue_names, tau
