@@ -22,7 +22,7 @@ from support.refusals import refused
 from support.toys import SCHEME, Toy, facts_of
 
 NAMES = registry.names()
-REWARDS = [name for name in NAMES if name not in ("surgery", "unaware")]
+REWARDS = [name for name in NAMES if name not in ("surgery", "unaware", "counterfactual")]
 """Methods that a learner can follow which takes nothing but rewards."""
 SMALL = paper_scheme(
     [Identity("a", ("x", "y", "z")), Identity("b", ("u", "v")), Identity("c", ("p", "q"))]
@@ -119,7 +119,7 @@ class TestEvery:
         assert registry.as_method(method) is method
         assert registry.name_of(method) == name
         assert registry.needs_of(method) <= {
-            registry.VERDICT, registry.DIRECTION, registry.BLINDNESS,
+            registry.VERDICT, registry.DIRECTION, registry.BLINDNESS, registry.PREPROCESSING,
         }  # fmt: skip
 
     def test_its_strength_is_set_by_an_at(self, name):
@@ -276,11 +276,14 @@ def test_a_state_of_something_else_is_refused():
 
 # --- what other answers would have been worth ---
 
-BY_REWARDS = [name for name in NAMES if name not in ("a_ppo", "surgery", "unaware", "influence")]
+BY_REWARDS = [
+    name for name in NAMES if name not in ("a_ppo", "surgery", "influence", "lagrangian", "elbert")
+]
 """Methods whose ``teach`` says of a service alone what it is worth, up to a common constant.
 
-A-PPO scales over its batch, which with all answers is another; and influence pays by the mean
-window where the running one is not over.
+A-PPO scales over its batch, which with all answers is another, the Lagrangian and ELBERT-PO
+standardise their parts before they combine them, and influence pays by the mean window where the
+running one is not over.
 """
 
 
@@ -313,6 +316,30 @@ def test_the_answer_that_was_given_is_worth_what_the_method_taught(name):
         worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
         # what all services have alike moves no policy
         np.testing.assert_allclose(worth - worth.mean(), taught - taught.mean(), atol=1e-12)
+
+
+def test_elbert_weighs_answers_by_the_credit_that_it_taught():
+    method, rng = registry.create("elbert", standardise=False), np.random.default_rng(6)
+    memory = guidance.begin(method, SMALL)
+    for _ in range(3):
+        found = epoch(rng, mask=np.ones((N, 1)), advantages_of=lambda r: np.asarray(r)[:, None])
+        given, memory = guidance.teach(method, found, memory)
+        worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
+        np.testing.assert_allclose(worth, given.advantages[:, 0], atol=1e-12)
+
+
+def test_the_lagrangian_weighs_answers_by_the_cost_that_it_taught():
+    method, rng = registry.create("lagrangian", limit=0.0, start=2.0), np.random.default_rng(6)
+    memory = guidance.begin(method, SMALL)
+    for _ in range(3):
+        found = epoch(rng, mask=np.ones((N, 1)), advantages_of=lambda r: np.asarray(r)[:, None])
+        given, memory = guidance.teach(method, found, memory)
+        worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
+        # apart from the scale of the reward, the same cost
+        plain = (found.reward - found.reward.mean()) / found.reward.std()
+        cost = plain - (1.0 + memory.lam) * given.advantages[:, 0]
+        ours = found.reward - (1.0 + memory.lam) * worth
+        np.testing.assert_allclose(ours - ours.mean(), cost - cost.mean(), atol=1e-12)
 
 
 def test_surgery_weighs_by_the_influence_that_it_taught():

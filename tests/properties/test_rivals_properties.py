@@ -12,6 +12,7 @@ from evenhand.methods.epoch import Epoch
 from evenhand.methods.paper import scores
 from evenhand.methods.paper.scores import count, gaps, issue_score, total
 from evenhand.methods.rivals import a_ppo, elbert, ggf, group_dro, lagrangian, r_ppo, shared
+from evenhand.methods.rivals.critic import standardised
 from support.rivals import epoch_of, scheme
 
 SIZES = (3, 2)
@@ -57,18 +58,21 @@ def test_the_multiplier_is_never_negative(lam, scores, limit, rate):
 
 @given(epochs(), st.floats(0, 100))
 def test_a_cost_that_all_share_only_shrinks_the_advantage(outcome, lam):
-    cost = np.full(len(outcome), 2.5)
+    cost = np.full(outcome.mask.shape, 2.5)
     mixed = lagrangian.lagrangian_advantage(outcome.advantage, outcome.mask, cost, lam)
-    np.testing.assert_allclose(
-        valid(outcome, mixed), valid(outcome, outcome.advantage) / (1 + lam), atol=1e-12
-    )
+    plain = standardised(outcome.advantage, outcome.mask)
+    np.testing.assert_allclose(valid(outcome, mixed), valid(outcome, plain) / (1 + lam), atol=1e-12)
 
 
 @given(epochs())
-def test_without_a_multiplier_the_advantage_stays(outcome):
-    cost = np.arange(len(outcome)) / 7
+def test_without_a_multiplier_the_advantage_is_only_standardised(outcome):
+    cost = np.broadcast_to(np.arange(len(outcome))[:, None] / 7, outcome.mask.shape)
     mixed = lagrangian.lagrangian_advantage(outcome.advantage, outcome.mask, cost, 0.0)
-    np.testing.assert_array_equal(valid(outcome, mixed), valid(outcome, outcome.advantage))
+    plain = standardised(outcome.advantage, outcome.mask)
+    np.testing.assert_array_equal(valid(outcome, mixed), valid(outcome, plain))
+    chosen = valid(outcome, plain)
+    assert abs(chosen.mean()) < 1e-9
+    assert chosen.std() < 1e-9 or abs(chosen.std() - 1.0) < 1e-9
 
 
 @given(epochs(), epochs())
@@ -118,7 +122,7 @@ def test_the_soft_bias_is_at_least_the_hard_one(z, sharpness):
 
 @given(epochs(x=st.sampled_from([0.0, np.nan])))
 def test_elbert_leaves_an_even_robot_alone(outcome):
-    method = elbert.Elbert(alpha=7.0)
+    method = elbert.Elbert(alpha=7.0, standardise=False)
     shaped = method.teach(outcome, method.begin(scheme(GROUPS, 2)))[0]
     np.testing.assert_allclose(
         valid(outcome, shaped), valid(outcome, outcome.advantage), atol=1e-12
@@ -128,7 +132,7 @@ def test_elbert_leaves_an_even_robot_alone(outcome):
 @given(epochs(), st.floats(0, 10))
 def test_elbert_is_linear_in_its_weight_and_sums_to_nothing(outcome, alpha):
     def change(weight: float) -> np.ndarray:
-        method = elbert.Elbert(alpha=weight)
+        method = elbert.Elbert(alpha=weight, standardise=False)
         plain = np.zeros((len(outcome.x), 1))
         mask = np.ones_like(plain)
         one = replace(outcome, advantages_of=lambda rewards: plain, mask=mask)

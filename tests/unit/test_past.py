@@ -12,7 +12,7 @@ from evenhand.training.memory import Memory
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import UpdateSettings
 
-EMPTY = ("service", "score", "penalty", "unaware", "blind")
+EMPTY = ("service", "score", "penalty", "unaware", "blind", "counterfactual")
 """Methods that remember nothing."""
 
 

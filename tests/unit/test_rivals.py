@@ -1,11 +1,15 @@
 """The rivals that pay or charge a service for evenness, by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
+from sklearn.linear_model import Ridge
 
-from evenhand.methods.paper import scores
-from evenhand.methods.rivals import a_ppo, elbert, lagrangian, r_ppo, shared
+from evenhand.methods.paper import losses, scores
+from evenhand.methods.rivals import a_ppo, critic, elbert, fair_ppo, lagrangian, r_ppo, shared
+from evenhand.methods.rivals.critic import standardised
 from support.rivals import NAN, NONE_EARLIER, TWO_GROUPS, epoch_of, scheme, two_groups
 
 
@@ -19,22 +23,128 @@ class TestLagrangian:
         assert lagrangian.multiplier(0.7, NAN, limit=0.2, rate=2.0) == 0.7
 
     def test_the_advantage_by_hand(self):
-        # of three decisions the mean cost is (3 + 3 + 0) / 3 = 2, so A_c is 1, 1, -2:
-        # (2 - 0.5) / 1.5, (1 - 0.5) / 1.5, (-1 + 1) / 1.5
+        # A_r 2, 1, -1 has mean 2/3 and variance 14/9; of the costs 3, 1, -1 the mean is 1
         advantage = np.array([[2.0, 1.0], [-1.0, NAN]])
         mask = np.array([[1.0, 1.0], [1.0, 0.0]])
-        mixed = lagrangian.lagrangian_advantage(advantage, mask, np.array([3.0, 0.0]), 0.5)
-        np.testing.assert_allclose(mixed, [[1.0, 1 / 3], [0.0, 0.0]], atol=1e-15)
+        cost = np.array([[3.0, 1.0], [-1.0, NAN]])
+        mixed = lagrangian.lagrangian_advantage(advantage, mask, cost, 0.5)
+        scaled = np.array([4.0, 1.0, -5.0]) / np.sqrt(14.0)
+        expected = (scaled - 0.5 * np.array([2.0, 0.0, -2.0])) / 1.5
+        np.testing.assert_allclose(mixed, [expected[:2], [expected[2], 0.0]], atol=1e-12)
 
     def test_lambda_steps_before_it_is_used(self):
-        # λ = 0 + 5 (0.3 - 0.1) = 1; both rates are 1/2, so that nobody moves the gap and costs
+        # λ = 0 + 5 (0.3 - 0.1) = 1; both rates are 1/2, so that nobody moves the gap and costs:
+        # half of 2, 0, 1, 4 less their mean 7/4 over their spread √35 / 4
         method = lagrangian.Lagrangian(limit=0.1, rate=5.0)
         advantage, state = method.teach(two_groups(), method.begin(scheme(2, 1)))
         assert state.lam == pytest.approx(1.0)
-        np.testing.assert_allclose(advantage[:, 0], [1.0, 0.0, 0.5, 2.0], atol=1e-15)
+        expected = np.array([1.0, -7.0, -3.0, 9.0]) / np.sqrt(35.0) / 2
+        np.testing.assert_allclose(advantage[:, 0], expected, atol=1e-12)
         # and again from there: 1 + 5 (0.2 - 0.1)
         _, state = method.teach(two_groups(excess=0.2), state)
         assert state.lam == pytest.approx(1.5)
+
+    def test_a_cost_that_the_critic_foresees_is_no_surprise(self):
+        """With the same people and costs again and again, A_c fades; without a critic it stays."""
+        method = lagrangian.Lagrangian(limit=0.0, rate=0.0, start=5.0)
+        x = np.array([[1.0], [0.0], [0.0], [0.0]])
+        seen = np.zeros((4, 1, 5))
+        seen[:, 0, :2] = TWO_GROUPS
+        seen[0, 0, 2:], seen[2, 0, 2:] = 1.0, -1.0  # told apart by distance, time and age
+        epoch = replace(two_groups(x=x), observation=seen)
+        state = method.begin(scheme(2, 1))
+        first, state = method.teach(epoch, state)
+        for _ in range(60):
+            later, state = method.teach(epoch, state)
+        alone = standardised(epoch.advantage, epoch.mask) / 6.0
+        assert np.abs(later - alone).max() < 0.2 * np.abs(first - alone).max()
+
+
+class TestCritic:
+    def test_estimates_are_those_of_the_learner(self):
+        rng = np.random.default_rng(3)
+        mask = (np.arange(5) < np.array([5, 1, 3])[:, None]).astype(float)
+        outcome, value = rng.normal(size=(3, 2)), rng.normal(size=(3, 5, 2))
+        found = critic.estimates(outcome, value, mask, 0.9)
+        for m in range(2):
+            reward = np.zeros((3, 5))
+            reward[np.arange(3), mask.sum(axis=1).astype(int) - 1] = outcome[:, m]
+            theirs = losses.gae(reward, value[..., m], mask, 1.0, 0.9)
+            np.testing.assert_allclose(found[..., m], theirs, atol=1e-5)
+
+    def test_it_is_the_ridge_regression_of_another_library(self):
+        rng = np.random.default_rng(4)
+        seen, mask = rng.normal(size=(6, 3, 5)), np.ones((6, 3))
+        outcome = rng.normal(size=(6, 2))
+        fitted = critic.Critic.none(2, 2).after(seen, mask, outcome)
+        flat = critic.features(seen).reshape(18, -1)
+        theirs = Ridge(alpha=1.0, fit_intercept=False).fit(flat, np.repeat(outcome, 3, axis=0))
+        np.testing.assert_allclose(
+            fitted.values(seen).reshape(18, 2), theirs.predict(flat), atol=1e-8
+        )
+
+    def test_it_begins_with_nothing_and_forgets(self):
+        seen, mask = np.random.default_rng(5).normal(size=(6, 3, 5)), np.ones((6, 3))
+        made = critic.Critic.none(2, 1)
+        np.testing.assert_array_equal(made.values(seen), 0.0)
+        made = made.after(seen, mask, np.ones((6, 1)))
+        for _ in range(80):
+            made = made.after(seen, mask, np.zeros((6, 1)))
+        assert np.abs(made.values(seen)).max() < 1e-3
+
+    def test_standardised_by_hand(self):
+        found = critic.standardised(np.array([[1.0, 3.0], [5.0, NAN]]), np.array([[1, 1], [1, 0]]))
+        np.testing.assert_allclose(found, [[-(1.5**0.5), 0.0], [1.5**0.5, 0.0]])
+        np.testing.assert_array_equal(critic.standardised(np.full((2, 1), 0.1), np.ones((2, 1))), 0)
+
+
+class TestFairPPO:
+    def test_by_hand(self):
+        # a earned 1 and 1/2, b 0 and 1/2: both gaps point to a, so ± 1/2 each; a: 4 (1/2 + 1/2) / 2
+        method = fair_ppo.FairPPO(strength=0.25, prospective=0.0)
+        advantage, _ = method.teach(two_groups(), method.begin(scheme(2, 1)))
+        np.testing.assert_allclose(advantage[:, 0], [2.0 * 0.5, 0.0, 1.0 * 0.5, 4.0 * 1.5])
+
+    def test_the_derivative_of_the_gaps(self):
+        rng = np.random.default_rng(6)
+        reward, inside = rng.normal(size=12), np.eye(3)[rng.integers(0, 3, 12)]
+        method = fair_ppo.FairPPO(prospective=0.0)
+
+        def gaps(weight):
+            earned = [
+                abs(reward[s] @ weight[s] / s.sum() - reward[~s] @ weight[~s] / (~s).sum())
+                for s in (inside.T == 1)
+            ]
+            return np.mean(earned)
+
+        step = 1e-6 * np.eye(12)
+        slope = [(gaps(1 + e) - gaps(1 - e)) / 2e-6 for e in step]
+        weights = fair_ppo.parity_weights(method._slope(reward, inside), inside)
+        np.testing.assert_allclose(weights * reward / 12, slope, atol=1e-8)
+
+    def test_it_looks_at_what_the_critic_expects(self):
+        # the critic expects more for b: the penalty turns round
+        value = np.array([[0.0], [1.0], [0.0], [1.0]])
+        method = fair_ppo.FairPPO(strength=0.25, prospective=1.0)
+        epoch = replace(two_groups(), value=value)
+        advantage, _ = method.teach(epoch, method.begin(scheme(2, 1)))
+        np.testing.assert_allclose(advantage[:, 0], [2.0 * 1.5, 0.0, 1.0 * 1.5, 4.0 * 0.5])
+
+
+class TestGuarded:
+    @pytest.mark.parametrize(
+        "kind",
+        [a_ppo.APPO, r_ppo.RPPO, elbert.Elbert, lagrangian.Lagrangian, fair_ppo.FairPPO],
+    )
+    def test_the_guard_leaves_so_much_of_the_method(self, kind):
+        class Half:
+            weight = 0.25
+
+        epoch = replace(two_groups(), guard=Half())
+        free, guarded = kind(), kind(guarded=True)
+        whole, _ = free.teach(epoch, free.begin(scheme(2, 1)))
+        part, _ = guarded.teach(epoch, guarded.begin(scheme(2, 1)))
+        np.testing.assert_allclose(part, 0.75 * epoch.advantage + 0.25 * whole)
 
 
 class TestRunningScore:
@@ -181,17 +291,30 @@ class TestElbert:
     def test_by_hand(self):
         # rates a 1/2, b 0, b = 1/2, ∂h/∂z = 2 · 1/2 · ±1, demand of each is 1/2 of all services:
         # credit of a (1 - 1/2) / (1/2) and (0 - 1/2) / (1/2), of b 0
-        method = elbert.Elbert(alpha=2.0)
+        method = elbert.Elbert(alpha=2.0, standardise=False)
         outcome = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
         advantage, state = method.teach(outcome, method.begin(scheme(2, 1)))
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 2.0, 0.0, 1.0 + 2.0, 4.0])
         np.testing.assert_array_equal(state.ratio, [[0.5], [0.0]])
 
+    def test_advantages_are_standardised_before_they_are_combined(self):
+        """As in the source, of one decision each: rates 1/2 and 0, ∂h/∂z = ±1, demand 1/2."""
+        x = np.array([[1.0], [0.0], [0.0], [0.0]])
+        method = elbert.Elbert(alpha=2.0)
+        advantage, _ = method.teach(two_groups(x=x), method.begin(scheme(2, 1)))
+        main = np.array([1.0, -7.0, -3.0, 9.0]) / np.sqrt(35.0)
+        # supply of a 1, 0, 0, 0: mean 1/4, spread √3 / 4; of b never; demand ± 1
+        supply_a = np.array([3.0, -1.0, -1.0, -1.0]) / np.sqrt(3.0)
+        demand_a, demand_b = np.array([1.0, -1.0, 1.0, -1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
+        # S / D² = 1 of a and 0 of b
+        bias = 1.0 * (supply_a / 0.5 - demand_a * (0.25 / 0.25)) - 1.0 * (0.0 - 0.0 * demand_b)
+        np.testing.assert_allclose(advantage[:, 0], main - 2.0 * bias, atol=1e-12)
+
     def test_a_service_without_demand_has_no_part(self):
         # the issue applies to the last two only: rates 0 and 1, demand 1/4 each; nobody who
         # demanded differs from the rate of the own group
         x = np.array([[NAN], [NAN], [0.0], [1.0]])
-        method = elbert.Elbert(alpha=1.0)
+        method = elbert.Elbert(alpha=1.0, standardise=False)
         advantage, _ = method.teach(two_groups(x=x), method.begin(scheme(2, 1)))
         np.testing.assert_allclose(advantage, two_groups().advantage)
 
@@ -215,7 +338,7 @@ class TestElbert:
             advantage=np.zeros((n, 1)),
             mask=np.ones((n, 1)),
         )
-        method = elbert.Elbert(alpha=1.0, sharpness=sharpness)
+        method = elbert.Elbert(alpha=1.0, sharpness=sharpness, standardise=False)
         advantage, _ = method.teach(outcome, method.begin(scheme(6, 3)))
         # a mean over n services has n times the derivative by the weight of one
         step = 1e-5 * np.eye(n)
@@ -230,7 +353,7 @@ class TestElbert:
     def test_earlier_epochs_are_pooled(self):
         # eight services: a 4 with 3 issues, b 4 with 0. z = 3/4, ∂h/∂z = ±3/2, demand 1/2:
         # credit of a with the issue 3/2 · 1/4 · 2, without -3/2 · 3/4 · 2
-        method = elbert.Elbert(alpha=1.0)
+        method = elbert.Elbert(alpha=1.0, standardise=False)
         uneven = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
         _, state = method.teach(uneven, method.begin(scheme(2, 1)))
         now = two_groups(x=np.array([[1.0], [0.0], [0.0], [0.0]]))
@@ -238,7 +361,7 @@ class TestElbert:
         np.testing.assert_allclose(advantage[:, 0], [2.0 - 0.75, 0.0, 1.0 + 2.25, 4.0])
 
     def test_an_empty_group_keeps_its_last_rate(self):
-        method = elbert.Elbert(alpha=1.0, windows=1)
+        method = elbert.Elbert(alpha=1.0, windows=1, standardise=False)
         outcome = two_groups(x=np.array([[1.0], [0.0], [1.0], [0.0]]))
         _, state = method.teach(outcome, method.begin(scheme(2, 1)))
         only_b = np.tile([0.0, 1.0], (4, 1))
@@ -248,7 +371,7 @@ class TestElbert:
         np.testing.assert_allclose(advantage[:, 0], [2.5, -0.5, 0.5, 4.5])
 
     def test_a_group_never_seen_is_left_out(self):
-        method = elbert.Elbert(alpha=1.0)
+        method = elbert.Elbert(alpha=1.0, standardise=False)
         only_b = np.tile([0.0, 1.0], (4, 1))
         advantage, _ = method.teach(two_groups(inside=only_b), method.begin(scheme(2, 1)))
         np.testing.assert_array_equal(advantage, two_groups().advantage)

@@ -28,6 +28,7 @@ from evenhand.statistics import chance
 
 _REFUSED = {
     registry.DIRECTION: "works on the gradients of a learner, which no wrapper sees",
+    registry.PREPROCESSING: "changes what the policy sees, and no wrapper knows how identity shows",
     registry.BLINDNESS: "hides people from the policy, and no wrapper knows where an environment "
     "shows them",
 }

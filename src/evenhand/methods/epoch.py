@@ -37,6 +37,9 @@ class Epoch:
         groups: (identity, category) of the G groups.
         issues: names of the K issues.
         tau: weight of each issue, [K].
+        observation: of every decision as the policy took it, [n, L, O]; None where nobody knows.
+        value: of the critic at every decision, [n, L]; None without one.
+        gae_lambda: trace decay of the learner's advantages.
         scored: issues that are scored and judged where these are others than are weighed: their
             names and [n, K'] of them; None where they are the same.
         advantages_of: from rewards of the services [n] to advantages of their decisions [n, L].
@@ -60,6 +63,9 @@ class Epoch:
     guard: Weight | None = None
     number: int = 0
     scored: tuple[Sequence[str], np.ndarray] | None = None
+    observation: np.ndarray | None = None
+    value: np.ndarray | None = None
+    gae_lambda: float = 1.0
 
     def __len__(self) -> int:
         return len(self.x)
@@ -144,6 +150,8 @@ class Answers:
             reward=self.reward.reshape(-1),
             mask=np.zeros((n * answers, 0)),
             scored=None,
+            observation=None,
+            value=None,
         )
 
 

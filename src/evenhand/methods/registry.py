@@ -15,7 +15,8 @@ decisions [n, L], or a `methods.guidance.Guidance`. It may also have
     worth(answers, memory) -> [n, A]        what services would have been worth with other answers
                                             (`methods.epoch.Answers`); by default by ``pay``
     direction(answers, memory) -> [n, A]    the same towards evenness alone, with `DIRECTION`
-    needs                                   some of `VERDICT`, `DIRECTION`, `BLINDNESS`
+    needs                                   some of `VERDICT`, `DIRECTION`, `BLINDNESS`,
+                                            `PREPROCESSING`
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from evenhand.core import plugins
 from evenhand.core.errors import InputError, unknown
 
 VERDICT, DIRECTION, BLINDNESS = "verdict", "direction", "blindness"
+PREPROCESSING = "preprocessing"
 """A detector that judges epochs; a learner that follows a second direction; observations that hide
-whom the robot serves."""
+whom the robot serves; observations in which nothing depends on whom it serves."""
 GROUP = "evenhand.methods"
 """Entry point by which packages bring methods."""
 BUILT_IN: Mapping[str, str] = {
@@ -52,6 +54,8 @@ BUILT_IN: Mapping[str, str] = {
     "elbert": "rivals.elbert",
     "group_dro": "rivals.group_dro",
     "ggf": "rivals.ggf",
+    "fair_ppo": "rivals.fair_ppo",
+    "counterfactual": "rivals.counterfactual",
 }
 """Methods that come with Evenhand, in the order in which they are listed, and their modules."""
 
@@ -309,7 +313,7 @@ def strength_of(found: Any) -> float | None:
 
 
 def needs_of(found: Any) -> frozenset[str]:
-    """What it needs beside rewards: of `VERDICT`, `DIRECTION`, `BLINDNESS`."""
+    """What it needs beside rewards: of `VERDICT`, `DIRECTION`, `BLINDNESS`, `PREPROCESSING`."""
     return frozenset(getattr(found, "needs", ()))
 
 

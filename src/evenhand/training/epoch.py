@@ -60,6 +60,9 @@ def epoch_of(
         guard=watch,
         number=number,
         scored=scored,
+        observation=done.observation,
+        value=None if settings.all_answers else np.asarray(value),
+        gae_lambda=settings.update.gae_lambda,
     )
     return epoch, watch
 

@@ -29,7 +29,7 @@ from evenhand.restaurant.simulation.recording import Recording, renumbered
 from evenhand.training import advantages, all_answers, imitation, reflection_gradients
 from evenhand.training.epoch import epoch_of
 from evenhand.training.memory import Memory
-from evenhand.training.observation import as_network, view
+from evenhand.training.observation import affine, as_network, view
 from evenhand.training.policy import ActorCritic, of_networks, respond, state_values
 from evenhand.training.settings import TrainSettings
 from evenhand.training.update import Anchor, LearnerState, Trajectories, make_learner, update
@@ -92,7 +92,8 @@ def robot(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
 
 def acting(settings: TrainSettings, policy: ActorCritic) -> serve.Robot:
     """The same as machine code where it is a network."""
-    return as_network(settings, policy) if of_networks(policy) else robot(settings, policy)
+    known = of_networks(policy) and affine(settings)
+    return as_network(settings, policy) if known else robot(settings, policy)
 
 
 def stream(settings: TrainSettings) -> np.random.Generator:

@@ -12,7 +12,7 @@ from evenhand.core.errors import whole
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import Past, answer_scores, running_scores, within
+from evenhand.methods.rivals.shared import Past, Rival, answer_scores, running_scores, within
 
 
 def a_ppo_advantage(
@@ -61,13 +61,17 @@ def _unit(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 @method("a_ppo", label="A-PPO", colour=palette.PURPLE, marker="v", filled=False)
 @dataclass(frozen=True)
-class APPO:
-    """A-PPO: advantages are lowered where unevenness is beyond ``omega``, and where it grows."""
+class APPO(Rival):
+    """A-PPO: advantages are lowered where unevenness is beyond ``omega``, and where it grows.
 
-    strength: float = 1.0
+    β and ω are those of the source in its attention task. The source also shows Δ to the policy:
+    here the services of an epoch run at once, with one Δ for all, which a policy could not use.
+    """
+
+    strength: float = 0.15
     """β₁ and β₂: weights of unevenness beyond omega, and of its growth there; β₀ is 1."""
 
-    omega: float = 0.1
+    omega: float = 0.05
     """Total issue score that is allowed."""
 
     windows: int = 8
@@ -82,7 +86,7 @@ class APPO:
         """No epoch yet."""
         return Past.none(self.windows, len(scheme.groups), len(scheme.issues))
 
-    def teach(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
+    def lesson(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
         """All decisions of a service answer for the score after it, and for its change."""
         score = running_scores(epoch.x, epoch.inside, memory.kept)
         beta = (1.0, self.strength, self.strength)
@@ -90,7 +94,7 @@ class APPO:
         now = count(epoch.x, epoch.inside)
         return advantage, memory.after(now, len(epoch.x))
 
-    def worth(self, answers: Answers, memory: Past) -> np.ndarray:
+    def value(self, answers: Answers, memory: Past) -> np.ndarray:
         """The three terms by the score that would have been there after each answer, [n, A].
 
         Each is scaled over all answers, as the source scales over its batch.

@@ -12,7 +12,8 @@ from evenhand.core.errors import whole
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import Past, per_service, within
+from evenhand.methods.rivals.critic import Critic, estimates, standardised
+from evenhand.methods.rivals.shared import Past, Rival, within
 
 
 def soft_bias(z: np.ndarray, sharpness: float) -> tuple[float, np.ndarray]:
@@ -62,6 +63,20 @@ def ratio_slope(
     return slope
 
 
+def rate_slopes(
+    ratio: np.ndarray, demand: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """∂h/∂S and ∂h/∂D by the chain rule: ∂h/∂z / D and −∂h/∂z z / D, [G, K] each.
+
+    Args:
+        ratio: z = S / D, [G, K].
+        demand: D, mean over all services, [G, K]; nothing is said of groups with 0.
+        slope: ∂h/∂z, [G, K].
+    """
+    scale = np.where(demand > 0, slope / np.where(demand > 0, demand, 1.0), 0.0)
+    return scale, -scale * ratio
+
+
 def elbert_credit(
     x: np.ndarray, inside: np.ndarray, ratio: np.ndarray, demand: np.ndarray, slope: np.ndarray
 ) -> np.ndarray:
@@ -83,10 +98,16 @@ def elbert_credit(
         [n].
     """
     belongs = np.nan_to_num(inside)
-    scale = np.where(demand > 0, slope / np.where(demand > 0, demand, 1.0), 0.0)
-    supplied = (belongs @ scale) * np.nan_to_num(x)
-    expected = (belongs @ (scale * ratio)) * ~np.isnan(x)
-    return (supplied - expected).sum(axis=1)
+    by_supply, by_demand = rate_slopes(ratio, demand, slope)
+    supplied = (belongs @ by_supply) * np.nan_to_num(x)
+    return (supplied + (belongs @ by_demand) * ~np.isnan(x)).sum(axis=1)
+
+
+def outcomes(x: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Supply, then demand, of every group and issue by each service, [n, 2 G K]."""
+    belongs = np.nan_to_num(inside)[:, :, None]
+    supply, demand = belongs * np.nan_to_num(x)[:, None], belongs * ~np.isnan(x)[:, None]
+    return np.concatenate([supply.reshape(len(x), -1), demand.reshape(len(x), -1)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -96,15 +117,17 @@ class ElbertState(Past):
     Attributes:
         ratio: last known z of each group, [G, K].
         known: 1 where z was ever known, [G, K].
+        critic: of supply and demand of every group and issue.
     """
 
     ratio: np.ndarray
     known: np.ndarray
+    critic: Critic
 
 
 @method("elbert", field="alpha", label="ELBERT-PO", colour=palette.PURPLE, marker="D", filled=False)
 @dataclass(frozen=True)
-class Elbert:
+class Elbert(Rival):
     """ELBERT-PO: service quality minus ``alpha`` times the squared gaps between benefit rates."""
 
     alpha: float = 0.02
@@ -116,6 +139,10 @@ class Elbert:
     windows: int = 8
     """Epochs that rates are pooled over, the running one included."""
 
+    standardise: bool = True
+    """Scale every advantage to mean 0 and standard deviation 1 before they are combined, as the
+    source does."""
+
     def __post_init__(self) -> None:
         within("alpha", self.alpha, 0.0)
         within("sharpness", self.sharpness, 1e-3)
@@ -125,9 +152,10 @@ class Elbert:
         """No epoch and no rate yet."""
         past = Past.none(self.windows, len(scheme.groups), len(scheme.issues))
         nothing = np.zeros((len(scheme.groups), len(scheme.issues)))
-        return ElbertState(past.counts, past.services, nothing, nothing)
+        critic = Critic.none(len(scheme.groups), 2 * nothing.size)
+        return ElbertState(past.counts, past.services, nothing, nothing, critic)
 
-    def teach(self, epoch: Epoch, memory: ElbertState) -> tuple[np.ndarray, ElbertState]:
+    def lesson(self, epoch: Epoch, memory: ElbertState) -> tuple[np.ndarray, ElbertState]:
         """A group without demand in the pooled epochs keeps the last rate that it had.
 
         One that never had any is left out.
@@ -141,11 +169,25 @@ class Elbert:
         known = demanded | (memory.known > 0)
         slope = ratio_slope(ratio, known, epoch.identity, self.sharpness)
         demand = pooled.inside_n / later.services.sum()
-        credit = elbert_credit(epoch.x, epoch.inside, ratio, demand, slope)
-        advantage = per_service(epoch.advantage, epoch.mask, -self.alpha * credit)
-        return advantage, ElbertState(later.counts, later.services, ratio, known.astype(float))
+        parts, critic = self._parts(epoch, memory.critic)
+        by_rates = np.concatenate([each.ravel() for each in rate_slopes(ratio, demand, slope)])
+        main = standardised(epoch.advantage, epoch.mask) if self.standardise else epoch.advantage
+        advantage = np.where(epoch.mask > 0, main - self.alpha * (parts @ by_rates), 0.0)
+        state = ElbertState(later.counts, later.services, ratio, known.astype(float), critic)
+        return advantage, state
 
-    def worth(self, answers: Answers, memory: ElbertState) -> np.ndarray:
+    def _parts(self, epoch: Epoch, critic: Critic) -> tuple[np.ndarray, Critic]:
+        """Advantages of supply and demand, [n, L, 2 G K], and the critic from now on."""
+        ended, seen, mask = outcomes(epoch.x, epoch.inside), epoch.observation, epoch.mask
+        if seen is None:  # nothing to foresee them from
+            expected = np.zeros((*mask.shape, ended.shape[1]))
+            found = estimates(ended, expected, mask, 1.0)
+        else:
+            found = estimates(ended, critic.values(seen), mask, epoch.gae_lambda)
+            critic = critic.after(seen, mask, ended)
+        return standardised(found, mask) if self.standardise else found, critic
+
+    def value(self, answers: Answers, memory: ElbertState) -> np.ndarray:
         """Minus α times what each answer would have added to the squared gaps, [n, A]."""
         flat, known = answers.flat, memory.known > 0
         slope = ratio_slope(memory.ratio, known, flat.identity, self.sharpness)

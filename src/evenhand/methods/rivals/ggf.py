@@ -10,7 +10,7 @@ import numpy as np
 from evenhand.core import palette
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import group_means, service_weights, weighted, within
+from evenhand.methods.rivals.shared import Rival, group_means, service_weights, weighted, within
 
 
 def gini_weights(mean: np.ndarray, known: np.ndarray, decay: float) -> np.ndarray:
@@ -55,7 +55,7 @@ class GGFState:
 
 @method("ggf", field="decay", label="GGF", colour=palette.VERMILLION, marker="X", filled=False)
 @dataclass(frozen=True)
-class GGF:
+class GGF(Rival):
     """GGF: the generalised Gini welfare of the groups, in which the worst-off weigh most."""
 
     decay: float = 0.9
@@ -74,7 +74,7 @@ class GGF:
         nothing = np.zeros(len(scheme.groups))
         return GGFState(nothing, nothing)
 
-    def teach(self, epoch: Epoch, memory: GGFState) -> tuple[np.ndarray, GGFState]:
+    def lesson(self, epoch: Epoch, memory: GGFState) -> tuple[np.ndarray, GGFState]:
         """A group that nobody belonged to in this epoch keeps its last mean."""
         now, n = group_means(epoch.reward, epoch.inside)
         before = np.where(memory.seen > 0, memory.mean, now)
@@ -84,7 +84,7 @@ class GGF:
         weight = service_weights(group_weight, epoch.inside)
         return weighted(epoch.advantage, epoch.mask, weight), GGFState(mean, seen)
 
-    def worth(self, answers: Answers, memory: GGFState) -> np.ndarray:
+    def value(self, answers: Answers, memory: GGFState) -> np.ndarray:
         """Services weigh by the ranks of their groups, whatever the answer, [n, A]."""
         weights = gini_weights(memory.mean, memory.seen > 0, self.decay)
         return answers.over(service_weights(weights, answers.window.inside)) * answers.reward

@@ -10,7 +10,7 @@ import numpy as np
 from evenhand.core import palette
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import group_means, service_weights, weighted, within
+from evenhand.methods.rivals.shared import Rival, group_means, service_weights, weighted, within
 
 
 def dro_step(
@@ -64,7 +64,7 @@ class GroupDROState:
     filled=False,
 )
 @dataclass(frozen=True)
-class GroupDRO:
+class GroupDRO(Rival):
     """Group DRO: an adversary moves weight to the groups that are served worst."""
 
     rate: float = 0.1
@@ -83,7 +83,7 @@ class GroupDRO:
         nothing = np.zeros(groups)
         return GroupDROState(np.full(groups, -np.log(groups)), nothing, nothing)
 
-    def teach(self, epoch: Epoch, memory: GroupDROState) -> tuple[np.ndarray, GroupDROState]:
+    def lesson(self, epoch: Epoch, memory: GroupDROState) -> tuple[np.ndarray, GroupDROState]:
         """First the adversary takes its step, then services weigh by their groups.
 
         A group that nobody belonged to in this epoch keeps its last mean.
@@ -95,7 +95,7 @@ class GroupDRO:
         weight = service_weights(np.exp(log_q), epoch.inside)
         return weighted(epoch.advantage, epoch.mask, weight), GroupDROState(log_q, mean, seen)
 
-    def worth(self, answers: Answers, memory: GroupDROState) -> np.ndarray:
+    def value(self, answers: Answers, memory: GroupDROState) -> np.ndarray:
         """Services weigh by their groups, whatever the answer, [n, A]."""
         weight = service_weights(np.exp(memory.log_q), answers.window.inside)
         return answers.over(weight) * answers.reward

@@ -13,7 +13,8 @@ from evenhand.methods.beyond.influence import CreditSettings, influence, influen
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.pooling import Pool, pooled, remember
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import per_service, within
+from evenhand.methods.rivals.critic import Critic, estimates, standardised
+from evenhand.methods.rivals.shared import Rival, within
 
 
 def multiplier(lam: float, score: float, limit: float, rate: float) -> float:
@@ -36,22 +37,21 @@ def lagrangian_advantage(
 ) -> np.ndarray:
     """A' = (A_r − λ A_c) / (1 + λ), OmniSafe `naive_lagrange/ppo_lag.py`.
 
-    A_c is the cost of the service minus the mean cost over decisions: centred and not scaled, as
-    in OmniSafe, which also standardises A_r; that only changes the unit of λ. There is no cost
-    critic, for a service has one cost, at its end.
+    As in OmniSafe A_r is standardised, and A_c is centred and not scaled.
 
     Args:
         advantage: A_r, [n, L].
         mask: [n, L].
-        cost: what each service adds to the constrained score, on the scale of an advantage, [n].
+        cost: A_c, advantage of the cost, [n, L].
         lam: λ.
 
     Returns:
         [n, L].
     """
-    lengths = (mask > 0).sum(axis=1)
-    centred = cost - (lengths * cost).sum() / max(lengths.sum(), 1)
-    return per_service(advantage, mask, -lam * centred) / (1.0 + lam)
+    happened = mask > 0
+    centred = cost - cost[happened].mean() if happened.any() else cost
+    mixed = (standardised(advantage, mask) - lam * centred) / (1.0 + lam)
+    return np.where(happened, mixed, 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,12 @@ class LagrangianState:
     Attributes:
         lam: λ.
         pool: counts of the last epochs.
+        critic: of the cost.
     """
 
     lam: float
     pool: Pool
+    critic: Critic
 
 
 @method(
@@ -76,7 +78,7 @@ class LagrangianState:
     filled=False,
 )
 @dataclass(frozen=True)
-class Lagrangian:
+class Lagrangian(Rival):
     """PPO-Lagrangian: service quality subject to unevenness <= ``limit``."""
 
     limit: float = 0.05
@@ -99,24 +101,30 @@ class Lagrangian:
     def begin(self, scheme: Any) -> LagrangianState:
         """λ at the beginning, and no epoch yet."""
         empty = Pool.empty(self.windows, len(scheme.groups), len(scheme.issues))
-        return LagrangianState(float(self.start), empty)
+        return LagrangianState(float(self.start), empty, Critic.none(len(scheme.groups), 1))
 
-    def teach(self, epoch: Epoch, memory: LagrangianState) -> tuple[np.ndarray, LagrangianState]:
+    def lesson(self, epoch: Epoch, memory: LagrangianState) -> tuple[np.ndarray, LagrangianState]:
         """First λ takes its step, then the advantages are mixed with it.
 
         The constrained score is without what chance gives, else it could never be met. The cost
         of a service is its influence on the score times the number of services, so that the
-        gradient of the score is the mean over services of cost ∇ log π(service).
+        gradient of the score is the mean over services of cost ∇ log π(service). A critic of the
+        cost gives its advantages; where observations are not known, the cost is its own.
         """
         pool = remember(memory.pool, epoch.counts)
         counts, equal = pooled(pool), np.ones(len(epoch.issues))
         lam = multiplier(memory.lam, epoch.corrected_of(counts), self.limit, self.rate)
         found = influence(epoch.x, epoch.inside, equal, counts, CreditSettings(shrink=0.0))
-        cost = found.total * len(epoch)
-        advantage = lagrangian_advantage(epoch.advantage, epoch.mask, cost, lam)
-        return advantage, LagrangianState(lam, pool)
+        cost, critic = (found.total * len(epoch))[:, None], memory.critic
+        seen, mask = epoch.observation, epoch.mask
+        expected = np.zeros((*mask.shape, 1)) if seen is None else critic.values(seen)
+        advantage = estimates(cost, expected, mask, 1.0 if seen is None else epoch.gae_lambda)
+        if seen is not None:
+            critic = critic.after(seen, mask, cost)
+        mixed = lagrangian_advantage(epoch.advantage, mask, advantage[..., 0], lam)
+        return mixed, LagrangianState(lam, pool, critic)
 
-    def worth(self, answers: Answers, memory: LagrangianState) -> np.ndarray:
+    def value(self, answers: Answers, memory: LagrangianState) -> np.ndarray:
         """(r − λ c) / (1 + λ) with the cost that each answer would have had, [n, A]."""
         counts, window = pooled(memory.pool), answers.window
         equal, settings = np.ones(len(window.issues)), CreditSettings(shrink=0.0)

@@ -12,7 +12,14 @@ from evenhand.core.errors import whole
 from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import count
 from evenhand.methods.registry import method
-from evenhand.methods.rivals.shared import Past, answer_scores, per_service, running_scores, within
+from evenhand.methods.rivals.shared import (
+    Past,
+    Rival,
+    answer_scores,
+    per_service,
+    running_scores,
+    within,
+)
 
 
 def r_ppo_penalty(delta: np.ndarray, omega: float, zeta: float) -> np.ndarray:
@@ -31,7 +38,7 @@ def r_ppo_penalty(delta: np.ndarray, omega: float, zeta: float) -> np.ndarray:
 
 @method("r_ppo", field="zeta", label="R-PPO", colour=palette.PURPLE, marker="s", filled=False)
 @dataclass(frozen=True)
-class RPPO:
+class RPPO(Rival):
     """R-PPO: the running total issue score is a penalty on the reward of each service."""
 
     zeta: float = 1.0
@@ -52,7 +59,7 @@ class RPPO:
         """No epoch yet."""
         return Past.none(self.windows, len(scheme.groups), len(scheme.issues))
 
-    def teach(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
+    def lesson(self, epoch: Epoch, memory: Past) -> tuple[np.ndarray, Past]:
         """The penalty of a service lowers the advantages of all its decisions."""
         score = running_scores(epoch.x, epoch.inside, memory.kept)
         penalty = r_ppo_penalty(score[1:], self.omega, self.zeta)
@@ -60,7 +67,7 @@ class RPPO:
         advantage = per_service(epoch.advantage, epoch.mask, penalty)
         return advantage, memory.after(now, len(epoch.x))
 
-    def worth(self, answers: Answers, memory: Past) -> np.ndarray:
+    def value(self, answers: Answers, memory: Past) -> np.ndarray:
         """Minus the penalty of the score that would have been there after each answer, [n, A]."""
         window = answers.window
         delta = answer_scores(window.x, answers.x, window.inside, memory.before)

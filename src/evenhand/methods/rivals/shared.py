@@ -14,11 +14,13 @@ is the mean over services of c ∇ log π(service). The critic goes on learning 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from evenhand.core.errors import InputError
+from evenhand.methods.epoch import Answers, Epoch
 from evenhand.methods.paper.scores import Counts, gaps, issue_score, total
 
 MOST = 1e6
@@ -35,6 +37,41 @@ def within(name: str, value: float, least: float, most: float = MOST) -> None:
         raise InputError(
             f"range {name}", f"{name} is {value}: give a number from {least:g} to {most:g}"
         )
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A published method, to which the guard is offered as it is to Evenhand's own.
+
+    Subclasses give ``lesson``, advantages of the decisions [n, L] and the memory from now on; and
+    ``value``, what each answer would have been worth, [n, A].
+    """
+
+    guarded: bool = field(default=False, kw_only=True)
+    """Whether the method gives way to service alone while service is poor or becomes worse."""
+
+    def teach(self, epoch: Epoch, memory: Any) -> tuple[np.ndarray, Any]:
+        """Advantages of the decisions, and the memory from now on."""
+        found, memory = self.lesson(epoch, memory)
+        if self.guarded:
+            found = epoch.advantage + epoch.guard_weight * (found - epoch.advantage)
+        return found, memory
+
+    def worth(self, answers: Answers, memory: Any) -> np.ndarray:
+        """What each answer would have been worth, [n, A]."""
+        found = self.value(answers, memory)
+        if self.guarded:
+            weight = answers.window.guard_weight
+            found = answers.reward + weight * (found - answers.reward)
+        return found
+
+    def lesson(self, epoch: Epoch, memory: Any) -> tuple[np.ndarray, Any]:
+        """What the method makes of an epoch."""
+        raise NotImplementedError
+
+    def value(self, answers: Answers, memory: Any) -> np.ndarray:
+        """What the method makes of answers."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
