@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_lane_by_lane_is_the_same_walk() -> None:
         **{name: np.zeros_like(getattr(quick.kept, name)) for name in quick.kept._fields}
     )
     silent = serve_people.Ahead(
-        drawn=type(ahead.drawn)(ahead.drawn.setups, ahead.drawn.beginning, ahead.drawn.uniform + 1),
+        drawn=replace(ahead.drawn, uniform=ahead.drawn.uniform + 1),
         robot=ahead.robot,
         following=ahead.following,
     )

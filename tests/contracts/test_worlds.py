@@ -22,7 +22,7 @@ from evenhand.training.settings import TrainSettings, settings_of
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "own_scenario.py"
 SCENARIOS = (
     "even", "prejudiced", "perception", "minority", "tips", "everyday", "noisy",
-    "hidden", "what-if-skin", "perception+tips", "noisy+tips",
+    "hidden", "hurry", "what-if-skin", "perception+tips", "noisy+tips",
 )  # fmt: skip
 
 
@@ -53,8 +53,9 @@ def test_the_reference_robot_serves_well(name):
         assert name == "noisy+tips", "what makes up for one cause makes up for no other"
         return
     done = serve_people.serve_people(world, world.reference, 300, np.random.default_rng(7))
-    # nobody can serve all well who is not told whom it serves
-    assert done.facts.perfect.mean() >= (0.75 if world.hidden else 0.9)
+    # nobody can serve all well who is not told whom it serves, or has no time for all
+    scarce = world.hidden or world.party > 1
+    assert done.facts.perfect.mean() >= (0.7 if scarce else 0.9)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -78,7 +79,7 @@ def test_people_are_served_as_step_by_step(name):
     plan = robot.robot(setups.asking, rng)
     lanes = Lanes(7, world.task, 1, len(world.groups))
     missed = world.also_missed(setups.codes)
-    drawn = serve.draw(lanes, setups, rng, world.sensor, world.need, missed)
+    drawn = serve.draw(lanes, setups, rng, world.sensor, world.need, missed, world.party)
     assert_same(
         serve.run(lanes, drawn, plan),
         serve_people.serve_people(world, robot, 30, np.random.default_rng(5)),

@@ -94,3 +94,8 @@ def test_where_it_cannot_be_it_is_refused():
     )
     with refused("unknown algorithm", "ppo-all"):
         settings_of("service", "ppo-al", "service")
+
+
+def test_where_an_answer_takes_time_from_others_it_is_refused():
+    with refused("conflict credit", "hurry", "sampled"):
+        replace(settings_of("service", "ppo-all", "levelup"), scenario="hurry")

@@ -22,6 +22,7 @@ def test_the_names_and_what_they_set():
         "tips": World("uniform", perception=0.0, needs=0.0, tips=1.0, prejudice=0.0),
         "everyday": World("us", perception=0.5, needs=0.5, tips=0.5, prejudice=0.0),
         "hidden": World("uniform", perception=1.0, hidden=True),
+        "hurry": World("uniform", needs=1.0, party=2),
         "what-if-skin": World(missed={"skin=IV": 0.06, "skin=V": 0.18, "skin=VI": 0.3}),
     }
 
@@ -41,7 +42,10 @@ def test_a_plus_joins_scenarios_in_any_order(name, expected):
     assert scenario("+".join(reversed(name.split("+")))) == expected
 
 
-NAMES = "choose one of even, prejudiced, perception, minority, tips, everyday, hidden, what-if-skin"
+NAMES = (
+    "choose one of even, prejudiced, perception, minority, tips, everyday, hidden, hurry, "
+    "what-if-skin"
+)
 WRONG = [
     ("even+tips", "scenario 'even+tips' contradicts itself: even is the lack of all others"),
     ("tips+even", "scenario 'tips+even' contradicts itself: even is the lack of all others"),

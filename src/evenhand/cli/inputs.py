@@ -35,7 +35,7 @@ Plugin = Annotated[
 ]
 Population = Annotated[str | None, arg(metavar="uniform|us|fairface", help_behavior_hint=OPTIONAL)]
 ENDINGS = (".parquet", ".csv")
-SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+SCENARIOS = "even, prejudiced, perception, minority, tips, everyday, hidden, hurry, what-if-skin"
 
 
 def registered(module: str, names: str) -> str:

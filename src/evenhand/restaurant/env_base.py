@@ -76,6 +76,13 @@ class RestaurantSettings:
                 "many services have ended: train there with evenhand.train, or make a World "
                 "without them",
             )
+        if chosen.party > 1:
+            raise InputError(
+                "unsupported party",
+                f"scenario {chosen.name!r} serves parties of {chosen.party} who share their time, "
+                "and an episode is one service: train there with evenhand.train, or make a World "
+                "with party=1",
+            )
         # an environment needs no more of it, and can be pickled whatever the rest holds
         world = replace(chosen, issues=PAPER_ISSUES, reference=None, **given)
         object.__setattr__(self, "world", world)

@@ -64,7 +64,7 @@ def draw(
     plan = getattr(robot, "robot", None)
     chosen: serve.Robot = robot if plan is None else plan(served.asking, rng)  # type: ignore[assignment]
     missed = world.also_missed(served.codes)
-    drawn = serve.draw(made_for.one, served, rng, world.sensor, world.need, missed)
+    drawn = serve.draw(made_for.one, served, rng, world.sensor, world.need, missed, world.party)
     return Ahead(drawn, chosen, setups[n:])
 
 

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from evenhand.core import plugins
-from evenhand.core.errors import InputError, unknown
+from evenhand.core.errors import InputError, unknown, whole
 from evenhand.methods.paper.issues import PAPER_ISSUES, Issue
 from evenhand.methods.scheme import Fact, Scheme, paper_facts
 from evenhand.methods.vocabulary import Identity
@@ -63,6 +63,8 @@ class World:
         tips: strength of ``scenarios.tips``, 0 to 1.
         prejudice: strength of the biased robots that are imitated first, 0 (none) to 1.
         hidden: whether the robot is not told whom it serves.
+        party: so many people ask at the same time and share the time of one service: each is
+            served when the one before has ended.
         missed: share of readings of the distance sensor that fail because of who is looked at:
             ``{"disability=Yes": 0.3}``. Failures come in runs of 0.5 s on average.
         interval: physics steps from one decision to the next.
@@ -86,6 +88,7 @@ class World:
     tips: float = 0.0
     prejudice: float = 0.0
     hidden: bool = False
+    party: int = 1
     missed: Mapping[str, float] = field(default_factory=dict, hash=False)
     interval: int = TaskSettings.interval
     noise: float = SenseSettings.noise
@@ -102,6 +105,7 @@ class World:
     def __post_init__(self) -> None:
         _ = self.people, self.task, self.sensor, self.need, self.scheme
         tips.check(self.tips)
+        whole("party", self.party, 1, 10)
         if not 0.0 <= self.prejudice <= 1.0:
             raise InputError(
                 "range prejudice", f"prejudice is {self.prejudice}: give a strength from 0 to 1"
@@ -418,6 +422,7 @@ _OWN: Mapping[str, World] = {
     "tips": World(tips=1.0),
     "everyday": World(population="us", perception=0.5, needs=0.5, tips=0.5),
     "hidden": World(perception=1.0, hidden=True),
+    "hurry": World(needs=1.0, party=2),
     "what-if-skin": World(missed=WHAT_IF_SKIN),
 }
 for _name, _world in _OWN.items():

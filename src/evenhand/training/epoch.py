@@ -52,7 +52,9 @@ def epoch_of(
         groups=scheme.groups,
         issues=scheme.issue_names,
         tau=np.array(settings.tau),
-        advantages_of=lambda rewards: over_decisions(settings, done.mask, value, rewards),
+        advantages_of=lambda rewards: over_decisions(
+            settings, done.mask, value, to_go(rewards, world.party)
+        ),
         corrected_of=lambda counts: float(
             chance.corrected_scores(counts, scheme.groups, scheme.issue_names).total
         ),
@@ -92,6 +94,22 @@ def earned(world: World, done: serve.Trajectories) -> np.ndarray:
     """What services earn, evenness apart, [n]."""
     facts = done.facts
     return tips.reward(world.tips, world.known(done.codes), facts.terms, facts.steps)
+
+
+def to_go(rewards: np.ndarray, party: int) -> np.ndarray:
+    """Reward of each service and of those after it in its party, [n].
+
+    Time that one service takes is time that the others lack, so they count as well.
+
+    Args:
+        rewards: of the services, [n].
+        party: so many in a row belong together.
+    """
+    found = np.array(rewards, float)
+    for i in range(len(found) - 2, -1, -1):
+        if (i + 1) % party:
+            found[i] += found[i + 1]
+    return found
 
 
 def over_decisions(

@@ -148,6 +148,13 @@ class TrainSettings:
                 "credit all_answers from all: choose credit sampled (algorithm ppo or reinforce), "
                 "or the preset service",
             )
+        if self.all_answers and self.world.party > 1:
+            raise InputError(
+                "conflict credit",
+                f"in scenario {self.scenario!r} an answer takes time from the next person, and "
+                "credit all_answers needs answers that change nothing but the end: choose credit "
+                "sampled (algorithm ppo or reinforce)",
+            )
         if self.all_answers and not guidance.weighs_answers(self.method):
             raise InputError(
                 "conflict credit",

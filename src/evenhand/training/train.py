@@ -297,8 +297,7 @@ def _numbers(
 ) -> dict[str, Any]:
     """Scores and service of the epoch, by name."""
     answered = facts.responded
-    # a walk to the end costs all steps, however soon the robot responds
-    steps = floor_plan.MAX_STEPS * len(facts.steps) if settings.all_answers else facts.steps.sum()
+    steps = _simulated(settings, facts.steps)
     out: dict[str, Any] = {
         "total": scores.total,
         **dict(zip(scores.issues, scores.overall, strict=True)),
@@ -311,11 +310,21 @@ def _numbers(
         "contact_rate": (facts.contact_steps > 0).mean(),
         "mean_evenness_reward": even.mean(),
         "mean_service_reward": facts.reward.mean(),
-        "physics_steps": int(steps),
-        "seconds_simulated": float(steps * floor_plan.TIMESTEP),
+        "physics_steps": steps,
+        "seconds_simulated": steps * floor_plan.TIMESTEP,
         "services": settings.people,
     }
     return out
+
+
+def _simulated(settings: TrainSettings, steps: np.ndarray) -> int:
+    """Physics steps of an epoch whose services ended at these steps of their clocks, [n]."""
+    if settings.all_answers:  # a walk to the end costs all of them, however soon a response comes
+        return floor_plan.MAX_STEPS * len(steps)
+    party, interval = settings.world.party, settings.world.interval
+    waits = np.arange(len(steps)) % party > 0  # its clock began with the first of the party
+    before = np.minimum(np.roll(steps, 1), floor_plan.MAX_STEPS - interval)
+    return int((steps - np.where(waits, before, 0)).sum())
 
 
 def _plain(numbers: dict[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from evenhand.experiments.settings import SERVICES, WORKERS
 from evenhand.methods import registry
 from evenhand.training.learners import LEARNERS
 
-SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday", "hidden")
+SCENARIOS = ("even", "prejudiced", "perception", "minority", "tips", "everyday", "hidden", "hurry")
 """Those of Evenhand, as ``worlds`` registers them, but for what-ifs."""
 ALGORITHMS = tuple(LEARNERS)
 """What learns."""

@@ -34,6 +34,7 @@ MECHANISMS = {
     "tips": "the operator's reward pays by age",
     "everyday": "perception, minority and tips at half strength",
     "hidden": "perception, and the policy is not told whom it serves",
+    "hurry": "two people at a time share the robot's time, with needs as in minority",
     "what-if-skin": "the sensor misses dark skin more often, which is a what-if without a source",
 }
 ROBOTS = ("untrained", "unaware", "service", "reference")

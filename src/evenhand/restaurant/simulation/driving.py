@@ -49,6 +49,7 @@ class ServiceArrays(NamedTuple):
     noise: np.ndarray  # of every reading, see ``read``, [N, L + 1]
     truth: Records  # ``physics.TRUTH``, written, [N]
     perceived: Records  # ``lanes.PERCEIVED``, written, [N]
+    turn: np.ndarray  # place in the party; its first is 0 and comes before the others, int [N]
 
 
 class Pace(NamedTuple):
@@ -62,6 +63,7 @@ class Pace(NamedTuple):
     brake: float  # see ``steer``
     units: tuple[float, float, float]  # see ``task.observe``
     limit: float  # see ``task.observe``
+    time: int  # column of a state that holds the seconds since a service began
 
 
 class Kept(NamedTuple):
@@ -229,6 +231,15 @@ def answer(ids: np.ndarray, truth: Records) -> None:
 @compiled
 def _noticed(lane: Records) -> bool:
     return lane.room <= lane.distance <= lane.reach and lane.steps >= lane.signal
+
+
+@compiled
+def spent(steps: int, max_steps: int, interval: int) -> int:
+    """Steps of a party's time that are gone when the next person's turn comes.
+
+    At least one decision is left, so that everybody is asked for.
+    """
+    return min(steps, max_steps - interval)
 
 
 @compiled
@@ -432,11 +443,17 @@ def serve(
     poses, contacts = np.empty((1, pace.steered, 3)), np.empty((1, pace.steered))
     pose, model, data = simulation.pose, simulation.model, simulation.data
     for i in ids:
+        used = 0
+        if services.turn[i] > 0:
+            used = spent(services.truth[i - 1].steps, pace.max_steps, pace.interval)
+        services.state[i, pace.time] = used * pace.timestep
         set_state(model, data, services.state[i].ctypes.data, np.int32(simulation.spec))
+        services.state[i, pace.time] = 0.0
         for guest, geom in enumerate(simulation.geoms):
             simulation.place[geom, :2] = services.place[i, guest]
             simulation.size[geom, 0] = services.radius[i, guest]
         truth, known = services.truth[i : i + 1], services.perceived[i : i + 1]
+        truth[0].steps, known[0].steps = used, used
         noise = services.noise[i : i + 1]
         for k in range(services.uniform.shape[1]):
             seen = observe(
@@ -464,5 +481,7 @@ def serve(
                 one, simulation.person, simulation.timer, noise, known,
                 pace.timestep, pace.interval, pace.max_steps,
             )  # fmt: skip
-            if over[0] and len(kept.pose):
-                kept.pose[i, k + 1] = pose[0]
+            if over[0]:
+                if len(kept.pose):
+                    kept.pose[i, k + 1] = pose[0]
+                break

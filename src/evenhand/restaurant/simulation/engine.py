@@ -133,16 +133,19 @@ class Engine:
         rows, beginning = drawn.beginning.rows, drawn.beginning
         services = driving.ServiceArrays(
             rows.state, rows.place, rows.radius, drawn.uniform, beginning.noise,
-            rows.truth.copy(), beginning.perceived.copy(),
+            rows.truth.copy(), beginning.perceived.copy(), drawn.turn,
         )  # fmt: skip
         kept = kept or serve.empty(drawn, recorded=recorded)
         # a call costs as much as a few decisions, and several for each thread even out their work
-        calls = 1 if len(simulations) == 1 else min(3 * len(simulations), n)
-        turns = iter(np.array_split(np.arange(n), calls))
+        parties = np.flatnonzero(drawn.turn == 0)
+        calls = 1 if len(simulations) == 1 else min(3 * len(simulations), len(parties))
+        starts = [part[0] for part in np.array_split(parties, calls)]
+        turns = iter(np.split(np.arange(n), starts[1:]))
         geoms = physics.guest_geoms(scene.still_model())
         pace = driving.Pace(
             self.settings.interval, physics.STEERED, floor_plan.MAX_STEPS, floor_plan.TIMESTEP,
             floor_plan.TOP_SPEED, floor_plan.MAX_ACCELERATION, task.UNITS, task.DISTANCE_LIMIT,
+            self.one.physics.time,
         )  # fmt: skip
 
         def work(model: mujoco.MjModel, data: mujoco.MjData) -> None:

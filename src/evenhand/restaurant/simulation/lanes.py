@@ -154,6 +154,19 @@ class Lanes:
         self.physics.place(ids, services.rows, at)
         kernels.meet(ids, at, (services.perceived, services.noise), self.perceived, self._noise)
 
+    def skip(self, ids: np.ndarray, before: np.ndarray) -> None:
+        """Begin services so late: people of a party asked when its first service began.
+
+        Args:
+            ids: lanes, int [k].
+            before: physics steps at which the service before ended, [k].
+        """
+        most, interval = floor_plan.MAX_STEPS, self.settings.interval
+        for lane, steps in zip(ids.tolist(), before.tolist(), strict=True):
+            used = driving.spent(steps, most, interval)
+            self.physics.truth["steps"][lane] = self.perceived["steps"][lane] = used
+            self.physics.simulation[lane, self.physics.time] = used * floor_plan.TIMESTEP
+
     def observe(self, ids: np.ndarray | None = None) -> np.ndarray:
         """What the robot goes by in these lanes, or in all, float32 [k, 25]."""
         known = self.perceived

@@ -55,11 +55,13 @@ class Drawn:
         setups: who is where.
         beginning: of the services, with every reading of the sensor.
         uniform: decides on every action, [N, L].
+        turn: place of each service in its party; 0 for the first, who comes before the others.
     """
 
     setups: layout.Setups
     beginning: Beginning
     uniform: np.ndarray
+    turn: np.ndarray
 
 
 def draw(
@@ -69,6 +71,7 @@ def draw(
     sense: sensing.SenseSettings,
     wanted: needs.NeedSettings | None = None,
     also_missed: np.ndarray | None = None,
+    party: int = 1,
 ) -> Drawn:
     """Leave to chance what can be drawn before the services begin.
 
@@ -79,13 +82,15 @@ def draw(
         sense: the distance sensor.
         wanted: who needs another service; nobody by default.
         also_missed: see ``sensing.draw``.
+        party: so many people in a row ask at the same time and share the time of one service.
     """
     total, length = len(setups), lanes.settings.decisions
     elapsed = lanes.settings.interval * floor_plan.TIMESTEP
     chances = sensing.draw(sense, setups.asking, length + 1, elapsed, rng, also_missed)
     people_need = needs.draw(wanted or needs.NeedSettings(), setups.asking, rng)
     uniform = rng.random((total, length))
-    return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform)
+    turn = np.arange(total) % party
+    return Drawn(setups, lanes.prepare(setups, chances, people_need), uniform, turn)
 
 
 def run(
@@ -104,26 +109,35 @@ def run(
         RuntimeError: when a simulation became unstable.
     """
     kept = kept or empty(drawn, recorded=recorded)
-    physics, parts = lanes.physics, []
-    total, length = drawn.uniform.shape
-    for first in range(0, total, lanes.n):
-        every = ids = np.arange(min(lanes.n, total - first))
-        lanes.begin(ids, drawn.beginning, ids + first)
-        for k in range(length):
-            rows, seen = ids + first, lanes.observe(ids)
-            chance = robot(seen, rows)
-            ids = driving.decide(
-                ids, rows, k, seen, chance, drawn.uniform, kept, physics.state, physics.truth,
-                lanes.perceived,
-            )  # fmt: skip
-            if not len(ids):
-                break
-            lanes.walk(ids)
-        if len(kept.pose):  # of those who ran out of time
-            kept.pose[ids + first, length] = physics.state[ids]
-        physics.check()
-        parts.append((physics.truth[every], lanes.perceived[every]))
-    truth, perceived = (np.concatenate(part) for part in zip(*parts, strict=True))
+    physics, (total, length) = lanes.physics, drawn.uniform.shape
+    truth, perceived = np.zeros(total, physics.truth.dtype), np.zeros(total, lanes.perceived.dtype)
+    # whose turn comes later begins when the one before has ended
+    for turn in range(int(drawn.turn.max()) + 1):
+        of_turn = np.flatnonzero(drawn.turn == turn)
+        for first in range(0, len(of_turn), lanes.n):
+            every = of_turn[first : first + lanes.n]
+            ids = np.arange(len(every))
+            lanes.begin(ids, drawn.beginning, every)
+            if turn:
+                lanes.skip(ids, truth["steps"][every - 1])
+            for k in range(length):
+                rows, seen = every[ids], lanes.observe(ids)
+                chance = robot(seen, rows)
+                ids = driving.decide(
+                    ids, rows, k, seen, chance, drawn.uniform, kept, physics.state, physics.truth,
+                    lanes.perceived,
+                )  # fmt: skip
+                if not len(ids):
+                    break
+                over = lanes.walk(ids)
+                if len(kept.pose):  # of those who ran out of time
+                    kept.pose[every[ids[over]], k + 1] = physics.state[ids[over]]
+                ids = ids[~over]
+                if not len(ids):
+                    break
+            physics.check()
+            there = slice(0, len(every))
+            truth[every], perceived[every] = physics.truth[there], lanes.perceived[there]
     return services(drawn, facts_of(truth, perceived), kept, lanes.settings)
 
 
