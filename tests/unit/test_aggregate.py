@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import stats
+from scipy.stats import mannwhitneyu
 
 from evenhand.core.errors import InputError
 from evenhand.experiments.comparison import aggregate
@@ -78,7 +79,7 @@ class TestBootstrap:
 
     def test_the_interval_of_many_is_that_of_the_normal_law(self):
         values = np.random.default_rng(1).normal(size=400)
-        found = aggregate.bootstrap([values], lambda x: x.mean(axis=1), rng())
+        found = aggregate.bootstrap([values], lambda drawn: drawn[0].mean(axis=1), rng())
         half = 1.96 * values.std() / 20
         assert found.value == pytest.approx(values.mean())
         assert (found.low, found.high) == pytest.approx(
@@ -122,15 +123,26 @@ class TestBootstrap:
     )  # fmt: skip
     def test_out_of_range(self, options, said):
         with pytest.raises(InputError, match=said):
-            aggregate.bootstrap([np.ones(3)], lambda x: x.mean(axis=1), rng(), **options)
+            aggregate.bootstrap([np.ones(3)], lambda drawn: drawn[0].mean(axis=1), rng(), **options)
 
 
 class TestImprovement:
     def test_by_hand(self):
         pairs = np.array([[2.0, 1.0], [1.0, 1.0], [0.0, 1.0], [5.0, 1.0]])
         found = aggregate.improvement([pairs], rng())
+        # any of 2, 1, 0, 5 against any 1
         assert found.value == pytest.approx((1 + 0.5 + 0 + 1) / 4)
         assert 0.0 <= found.low < found.value < found.high <= 1.0
+
+    @given(hnp.arrays(float, st.tuples(st.integers(2, 9), st.just(2)), elements=NUMBERS))
+    def test_it_is_the_statistic_of_mann_and_whitney(self, pairs):
+        found = aggregate.improvement([pairs], rng())
+        theirs = mannwhitneyu(pairs[:, 0], pairs[:, 1]).statistic / len(pairs) ** 2
+        assert found.value == pytest.approx(theirs)
+
+    def test_every_stratum_counts_alike(self):
+        good, bad = np.array([[1.0, 0.0]] * 9), np.array([[0.0, 1.0]] * 3)
+        assert aggregate.improvement([good, bad], rng()).value == 0.5
 
     @given(hnp.arrays(float, st.tuples(st.integers(1, 9), st.just(2)), elements=NUMBERS))
     def test_one_side_gains_what_the_other_loses(self, pairs):
@@ -146,6 +158,11 @@ class TestShare:
         rows = np.array([[0.06, 0.02, 0.01]] * 4)
         found = aggregate.share([rows], rng())
         assert (found.value, found.low, found.high) == pytest.approx((0.8, 0.8, 0.8))
+
+    def test_shares_are_normalised_before_they_are_pooled(self):
+        # all of 0.5 in one scenario, a fifth of 0.05 in the other: not nearly all together
+        large, small = np.array([[0.5, 0.0, 0.0]] * 4), np.array([[0.05, 0.04, 0.0]] * 4)
+        assert aggregate.share([large, small], rng()).value == pytest.approx((1.0 + 0.2) / 2)
 
     def test_where_nothing_can_be_attained_it_is_missing(self):
         assert isnan(aggregate.share([np.array([[0.01, 0.0, 0.01]])], rng()).value)

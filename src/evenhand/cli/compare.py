@@ -114,6 +114,7 @@ _COLUMNS = {
     "seeds": lambda row: row["seeds"],
     "corrected total": lambda row: _interval(row, "corrected_total", 3),
     "attained": lambda row: _interval(row, "share", 2),
+    "to blind": lambda row: _interval(row, "to_blind", 3),
     "perfect": lambda row: _interval(row, "perfect_rate", 3),
     "worst group": lambda row: _interval(row, "worst_group_rate", 3),
     "biased epochs": lambda row: _interval(row, "biased_epochs", 1),

@@ -103,21 +103,21 @@ def test_verdicts_by_hand(comparison: Comparison) -> None:
     assert (levelup.arm, surgery.arm) == ("level-up", "surgery")
     good = cells(levelup, "tips")
     # 0.45 of 0.50 attained; +1 point; +30 points; 0.8 against ELBERT's 0.7
-    assert [cell.state for cell in good.values()] == ["reached"] * 4
+    assert [cell.state for cell in good.values()] == ["reached"] * 5
     assert good["Corrected total"].value == "90.0\xa0% attained"
     assert good["Corrected total"].interval == "[89.9\xa0%, 90.1\xa0%]"
     assert good["Perfect services"].value == "+1.0 points"
     assert good["Worst-served group"].interval == "[+29.9, +30.1]"
     assert good["Hypervolume"].why == "best rival ELBERT-PO 0.700"
     bad = cells(surgery, "prejudiced")
-    assert [cell.state for cell in bad.values()] == ["not reached"] * 4
+    assert [cell.state for cell in bad.values()] == ["not reached"] * 5
     assert bad["Perfect services"].value == "\N{MINUS SIGN}5.0 points"
     # of 0.3, 60 % is willingness
     assert bad["Corrected total"].why.endswith(
         "most of what is left is willingness, 0.180 of 0.300"
     )
     even = cells(levelup, "even")
-    assert [cell is None for cell in even.values()] == [True, True, True, False]
+    assert [cell is None for cell in even.values()] == [True, True, True, False, False]
 
 
 def test_a_part_above_the_total_is_not_called_most_of_it(tmp_path: Path) -> None:
@@ -138,23 +138,47 @@ def test_aims_over_scenarios_by_hand(comparison: Comparison) -> None:
     whole = [(aim, cell.state, cell.value) for aim, _, cell in levelup.whole]
     assert whole == [
         ("Biased epochs in training", "reached", "92.0\xa0% fewer"),  # 4 of 50
-        ("Hypervolume in 5 of 6 scenarios", "cannot be told", "in 3 of 6"),  # three were not run
+        ("Hypervolume in 6 of 8 scenarios", "cannot be told", "in 3 of 8"),  # five were not run
     ]
-    # surgery: 20 of 50; hypervolume missed in three scenarios, so five cannot be reached
+    # surgery: 20 of 50; hypervolume missed in three scenarios, so six cannot be reached
     assert [cell.state for _, _, cell in surgery.whole] == ["not reached"] * 2
-    # two scenarios by three aims, three by one, biased epochs, hypervolume over scenarios
+    # two scenarios by three aims, three by two, biased epochs, hypervolume over scenarios
     assert [(state, n) for state, _, n in levelup.counts] == [
-        ("reached", 10), ("not reached", 0), ("cannot be told", 1),
+        ("reached", 13), ("not reached", 0), ("cannot be told", 1),
     ]  # fmt: skip
     assert "Hypervolume: reached in all 3 cases." in levelup.words
     assert "Corrected total: not reached in both cases." in surgery.words
+
+
+def test_what_guidance_adds_comes_first(comparison: Comparison, page: Page, tmp_path: Path) -> None:
+    assert judged_aims.added(comparison) == [
+        "The control blind (a cost of issues without groups) was not run. So nothing here tells "
+        "better service from fairness."
+    ]
+    folder = write_comparison(tmp_path / "out")
+
+    def rename(row: dict[str, str]) -> None:
+        row["arm"] = {"elbert": "blind"}.get(row["arm"], row["arm"])
+        if (row["scenario"], row["metric"]) == ("tips", "corrected_total") and "iqm" in row:
+            row["to_blind"], row["to_blind_low"], row["to_blind_high"] = "0.01", "-0.01", "0.03"
+
+    for name in ("results", "summary"):
+        change(folder / f"{name}.csv", rename)
+    [sentence] = judged_aims.added(read.read(folder))
+    # 0.05 less 0.15, ± 0.001, but in tips
+    assert sentence == (
+        "PPO: In tips level-up adds nothing to a cost without groups that these seeds show. "
+        "In even, prejudiced level-up is more even than a cost without groups."
+    )
+    text = text_of(page)
+    assert text.index("What does guidance add to better service?") < text.index("Were the aims")
 
 
 def test_verdicts_have_icon_and_words(page: Page) -> None:
     text = text_of(page)
     assert "✓ reached 90.0 % attained 95 % [89.9 %, 90.1 %]" in text
     assert "✗ not reached" in text
-    assert "? cannot be told in 3 of 6" in text
+    assert "? cannot be told in 3 of 8" in text
     assert "How to read this." in text
     assert "no aim here" in text
 
@@ -177,7 +201,7 @@ def test_scenarios_are_shown_by_four_robots(comparison: Comparison) -> None:
     lines = dict(table[2][2])
     assert list(lines) == ["untrained", "service alone, PPO", "reference robot"]
     assert [cell.value for cell in lines["service alone, PPO"]] == [
-        "0.500", "0.800", "90.0\xa0%", "50.0\xa0%",
+        "0.500", "0.800", "90.0\xa0%", "50.0\xa0%", "1.000",
     ]  # fmt: skip
     assert lines["reference robot"][0].interval == "[\N{MINUS SIGN}0.001, 0.001]"
 
@@ -191,13 +215,13 @@ def test_every_row_of_the_summary_is_in_the_page(comparison: Comparison) -> None
     ]  # fmt: skip
     [row] = [row for row in full["tips"] if row[1:3] == ["surgery", "perfect rate"]]
     assert row[5].startswith("\N{MINUS SIGN}0.050 [")
-    assert row[7] == ""  # a share is of the corrected total alone
+    assert row[8] == ""  # a share is of the corrected total alone
 
 
 def test_limits_are_composed(comparison: Comparison) -> None:
     said = dict(words.limits(comparison))
     assert set(said) == {"Scenarios not run.", "Arms not run.", "Code."}
-    assert said["Scenarios not run."].startswith("perception, minority, everyday:")
+    assert said["Scenarios not run."].startswith("perception, minority, everyday, hidden, hurry:")
 
 
 def test_one_seed_is_said_and_decides_nothing(tmp_path: Path) -> None:
@@ -263,8 +287,8 @@ def test_missing_numbers_stay_missing(tmp_path: Path) -> None:
     change(folder / "fronts.csv", lambda row: row.update(hypervolume="", low="", high=""))
     text = text_of(drawn_without_figures(folder))
     assert text.count("? cannot be told not defined a number is missing") > 3
-    # one seed's numbers of 18 arms and 9 metrics, but for the biased epochs of 6 that learn nothing
-    assert "156 of 1,620 numbers of runs are not defined" in text
+    # one seed's numbers of 18 arms and 10 metrics, but for the biased epochs of 6 that learn nothing
+    assert "174 of 1,800 numbers of runs are not defined" in text
     assert not re.search(r"\b(nan|NaN|None)\b", text)
     assert figures_fronts.draw_all(read.read(folder).fronts) == []
 

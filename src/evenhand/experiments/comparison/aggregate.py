@@ -64,7 +64,7 @@ def iqm(values: np.ndarray, axis: int = -1) -> np.ndarray:
 
 def bootstrap(
     strata: Sequence[np.ndarray],
-    statistic: Callable[[np.ndarray], np.ndarray],
+    statistic: Callable[[list[np.ndarray]], np.ndarray],
     rng: np.random.Generator,
     resamples: int = RESAMPLES,
     level: float = 0.95,
@@ -76,7 +76,7 @@ def bootstrap(
 
     Args:
         strata: values of each stratum, [n_s] or [n_s, C], C the same for all.
-        statistic: from [R, n] or [R, n, C] to [R], along axis 1.
+        statistic: from a list of strata, [R, n_s] or [R, n_s, C] each, to [R].
         rng: draws the samples.
         resamples: how many samples.
         level: of the interval.
@@ -95,11 +95,11 @@ def bootstrap(
     n = sum(map(len, known))
     if not n:
         return Estimate(nan, nan, nan, 0)
-    value = float(statistic(np.concatenate(known)[None])[0])
+    value = float(statistic([values[None] for values in known])[0])
     if min(map(len, known)) < 2:
         return Estimate(value, nan, nan, n)
     drawn = [v[rng.integers(len(v), size=(resamples, len(v)))] for v in known]
-    found = statistic(np.concatenate(drawn, axis=1))
+    found = statistic(drawn)
     low, high = np.quantile(found, [(1 - level) / 2, (1 + level) / 2])
     return Estimate(value, float(low), float(high), n)
 
@@ -111,7 +111,7 @@ def mean_of(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estimate:
         strata: [n_s] each.
         rng: draws the samples.
     """
-    return bootstrap(strata, lambda x: iqm(x, 1), rng)
+    return bootstrap(strata, lambda drawn: iqm(np.concatenate(drawn, axis=1), 1), rng)
 
 
 def difference(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estimate:
@@ -125,18 +125,31 @@ def difference(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estima
 
 
 def improvement(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estimate:
-    """Probability of improvement: P(X > Y) + P(X = Y) / 2, paired by seed, with its interval.
+    """Probability of improvement: P(X > Y) + P(X = Y) / 2 of any two seeds, with its interval.
+
+    The Mann-Whitney statistic of each stratum, averaged over strata, as Agarwal et al. define it:
+    a seed of one arm has nothing to do with the same seed of another that learned otherwise.
 
     Args:
         strata: columns X and Y, greater is better, [n_s, 2] each.
         rng: draws the samples.
     """
-    wins = [0.5 + 0.5 * np.sign(pairs[:, 0] - pairs[:, 1]) for pairs in strata]
-    return bootstrap(wins, lambda x: x.mean(axis=1), rng)
+
+    def beats(drawn: list[np.ndarray]) -> np.ndarray:
+        shares = [
+            (0.5 + 0.5 * np.sign(pairs[:, :, None, 0] - pairs[:, None, :, 1])).mean(axis=(1, 2))
+            for pairs in drawn
+        ]
+        return np.mean(shares, axis=0)
+
+    return bootstrap(strata, beats, rng)
 
 
 def share(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estimate:
     """How much of what can be attained is attained: (S − A) / (S − B), with its interval.
+
+    Values are normalised by the means of S and B in their own stratum before they are pooled, as
+    Agarwal et al. do: else a scenario that is more uneven than others would count for more.
 
     Args:
         strata: columns S (where one starts), A (what came out) and B (the best there is), smaller
@@ -144,14 +157,18 @@ def share(strata: Sequence[np.ndarray], rng: np.random.Generator) -> Estimate:
         rng: draws the samples.
 
     Returns:
-        Of the interquartile means. Missing where S − B is not above 0, for then nothing can be
-        attained; so the limits are missing unless it is above 0 in every sample.
+        The interquartile mean. Missing where S − B is not above 0 in a stratum, for then nothing
+        can be attained; so the limits are missing unless it is above 0 in every sample.
     """
 
-    def attained(x: np.ndarray) -> np.ndarray:
-        start, found, best = np.moveaxis(iqm(x, 1), -1, 0)
-        room = start - best
-        return np.where(room > 0, (start - found) / np.where(room > 0, room, 1.0), nan)
+    def attained(drawn: list[np.ndarray]) -> np.ndarray:
+        parts, possible = [], np.ones(len(drawn[0]), bool)
+        for x in drawn:
+            start, best = iqm(x[..., 0], 1), iqm(x[..., 2], 1)
+            room = start - best
+            possible &= room > 0
+            parts.append((start[:, None] - x[..., 1]) / np.where(room > 0, room, 1.0)[:, None])
+        return np.where(possible, iqm(np.concatenate(parts, axis=1), 1), nan)
 
     return bootstrap(strata, attained, rng)
 

@@ -15,18 +15,25 @@ from evenhand.statistics.means import Estimate
 
 REACHED, MISSED, UNKNOWN = "reached", "not reached", "cannot be told"
 STATES = (REACHED, MISSED, UNKNOWN)
-SHARE = 0.8
-"""Of the attainable reduction of the corrected total."""
+SHARE, LEAST_SHARE = 0.8, 0.75
+"""Of the attainable reduction of the corrected total, and its lower end."""
+ALIKE = 0.02
+"""Two corrected totals whose difference lies within this are alike: half a point in each issue,
+less than anybody sees in a robot."""
 HALF = 0.5
 """Of the corrected total of service alone, where that much is attainable."""
 POINT = -0.01
 """Above this the interval of the difference in perfect services has to lie."""
 FEWER = 0.9
 """Biased epochs in training, where the policy begins prejudiced."""
-SIX = ("even", "prejudiced", "perception", "minority", "tips", "everyday")
+EIGHT = (
+    "even", "prejudiced", "perception", "minority", "tips", "everyday", "hidden", "hurry",
+)  # fmt: skip
 """Scenarios that the aim for the hypervolume counts."""
-MOST = 5
-"""Of these six."""
+MOST = 6
+"""Of these eight."""
+SCARCE = ("hidden", "hurry")
+"""Scenarios in which nobody can serve all well: there evenness is a question of its own."""
 ONE_SEED = "one seed has no interval"
 
 
@@ -46,7 +53,7 @@ class Verdict:
 
 
 def evenness(share: Estimate, service: float, found: float, reference: float) -> Verdict:
-    """At least 80 % of what is attainable, and at least half less where that is attainable.
+    """At least 80 % of what is attainable (lower end 75 %), and half less where that can be.
 
     Args:
         share: of the way from service alone to the reference robot, 1 is all of it.
@@ -62,7 +69,7 @@ def evenness(share: Estimate, service: float, found: float, reference: float) ->
         why = "chance alone may be all there is to attain" if share.n > 1 else ONE_SEED
         return Verdict(UNKNOWN, share, why)
     words = [_unsettled(share.low < SHARE <= share.high, f"{100 * SHARE:.0f}\N{NO-BREAK SPACE}%")]
-    enough = share.mean >= SHARE
+    enough = share.mean >= SHARE and share.low >= LEAST_SHARE
     if service > 0:
         lower, attainable = 1 - found / service, 1 - reference / service
         way = "lower" if lower >= 0 else "higher"
@@ -92,18 +99,31 @@ def perfect(difference: Estimate) -> Verdict:
     return Verdict(UNKNOWN, difference, "the interval goes below \N{MINUS SIGN}1 point")
 
 
-def worst_group(difference: Estimate) -> Verdict:
-    """Higher share of perfect services in the group served worst.
+def against_blind(difference: Estimate, perfect: Estimate, scarce: bool) -> Verdict:
+    """Not less even than a cost without groups; where time or knowledge is scarce, more even.
 
     Args:
-        difference: of these shares, method minus service alone.
+        difference: of the corrected totals, method minus the cost without groups.
+        perfect: of the shares of perfect services, likewise.
+        scarce: whether the method has to be more even, at perfect services within 1 point.
     """
     if isnan(difference.mean):
-        return Verdict(UNKNOWN, difference, "a number is missing")
+        return Verdict(UNKNOWN, difference, "a number is missing, or blind was not run")
     if isnan(difference.low):
         return Verdict(UNKNOWN, difference, ONE_SEED)
-    state = REACHED if difference.mean > 0 else MISSED
-    return Verdict(state, difference, _unsettled(difference.low <= 0.0 < difference.high, "0"))
+    if difference.low > 0.0:
+        return Verdict(MISSED, difference, "less even than a cost without groups")
+    if not scarce:
+        alike = difference.high < ALIKE
+        why = "" if alike else f"the interval goes above {ALIKE:g}"
+        return Verdict(REACHED if alike else UNKNOWN, difference, why)
+    if difference.high >= 0.0:
+        return Verdict(MISSED, difference, "a cost without groups may do as well")
+    if isnan(perfect.mean):
+        return Verdict(UNKNOWN, difference, "a number is missing")
+    if perfect.mean < POINT:
+        return Verdict(MISSED, difference, f"{percent(-perfect.mean)} fewer perfect services")
+    return Verdict(REACHED, difference)
 
 
 def biased(service: Estimate, found: Estimate) -> Verdict:
@@ -144,16 +164,16 @@ def hypervolume(own: Estimate, rivals: Mapping[str, Estimate]) -> Verdict:
 
 
 def in_most(states: Mapping[str, str]) -> Verdict:
-    """An aim for at least five of the six scenarios.
+    """An aim for at least six of the eight scenarios.
 
     Args:
         states: by scenario; one that was not run counts as one that cannot be told, and one that
-            is none of the six does not count.
+            is none of the eight does not count.
 
     Returns:
         With the number of scenarios in which it is reached.
     """
-    found = [states.get(name, UNKNOWN) for name in SIX]
+    found = [states.get(name, UNKNOWN) for name in EIGHT]
     reached, unknown = found.count(REACHED), found.count(UNKNOWN)
     state = UNKNOWN
     if reached >= MOST:
@@ -161,7 +181,7 @@ def in_most(states: Mapping[str, str]) -> Verdict:
     elif reached + unknown < MOST:
         state = MISSED
     why = f"cannot be told in {unknown}" if unknown else ""
-    return Verdict(state, Estimate(float(reached), nan, nan, len(SIX)), why)
+    return Verdict(state, Estimate(float(reached), nan, nan, len(EIGHT)), why)
 
 
 def _unsettled(held: bool, limit: str) -> str:

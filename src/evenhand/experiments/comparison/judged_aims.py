@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 
 from evenhand.core.wording import NOT_DEFINED, percent, points
-from evenhand.experiments.comparison import aims
+from evenhand.experiments.comparison import aims, settings
 from evenhand.experiments.comparison.aims import Verdict
 from evenhand.experiments.comparison.figures import looks, own
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label, method_of
@@ -18,12 +18,13 @@ from evenhand.statistics.means import Estimate
 from evenhand.training.learners import LABELS
 
 ICONS = {aims.REACHED: "✓", aims.MISSED: "✗", aims.UNKNOWN: "?"}
-EVENNESS, PERFECT, WORST, VOLUME = (
-    "Corrected total", "Perfect services", "Worst-served group", "Hypervolume",
+EVENNESS, PERFECT, WORST, BLIND, VOLUME = (
+    "Corrected total", "Perfect services", "Worst-served group", "Against a cost without groups",
+    "Hypervolume",
 )  # fmt: skip
-BIASED, MOST = "Biased epochs in training", "Hypervolume in 5 of 6 scenarios"
-AIMS = (EVENNESS, PERFECT, WORST, VOLUME)
-"""Judged in every scenario; in ``even`` the last alone."""
+BIASED, MOST = "Biased epochs in training", "Hypervolume in 6 of 8 scenarios"
+AIMS = (EVENNESS, PERFECT, WORST, BLIND, VOLUME)
+"""Judged in every scenario; in ``even`` the last two alone."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +110,54 @@ def _verdicts(c: Comparison, scenario: str, algorithm: str, arm: str) -> Iterato
     else:
         verdict = _evenness(c, scenario, algorithm, arm)
         yield verdict
-        for rule, metric in (
-            (aims.perfect, "perfect_rate"), (aims.worst_group, "worst_group_rate"),
-        ):  # fmt: skip
-            yield rule(c.estimate(scenario, algorithm, arm, metric, "difference"))
+        for metric in ("perfect_rate", "worst_group_rate"):
+            yield aims.perfect(c.estimate(scenario, algorithm, arm, metric, "difference"))
+    yield against_blind(c, scenario, algorithm, arm)
     volumes = c.hypervolumes(scenario, algorithm)
     own = volumes.get(method_of(arm), Estimate(nan, nan, nan, 0))
     yield aims.hypervolume(own, _rivals(volumes))
+
+
+def against_blind(c: Comparison, scenario: str, algorithm: str, arm: str) -> Verdict:
+    """An arm against the cost without groups."""
+    return aims.against_blind(
+        c.estimate(scenario, algorithm, arm, "corrected_total", "to_blind"),
+        c.estimate(scenario, algorithm, arm, "perfect_rate", "to_blind"),
+        bool({*scenario.split("+")} & {*aims.SCARCE}),
+    )
+
+
+def added(c: Comparison) -> list[str]:
+    """What guidance adds to a cost without groups: the first thing that a reader has to know."""
+    arms = judged_arms(c)
+    if not arms:
+        return []
+    if settings.BLIND not in {method_of(arm) for arm in c.arms}:
+        return [
+            "The control blind (a cost of issues without groups) was not run. So nothing here "
+            "tells better service from fairness."
+        ]
+    found = []
+    for algorithm in c.algorithms:
+        parts: dict[str, list[str]] = {"more": [], "less": [], "none": []}
+        for scenario in c.scenarios:
+            one = c.estimate(scenario, algorithm, arms[0], "corrected_total", "to_blind")
+            if isnan(one.mean) or isnan(one.low):
+                continue
+            kind = "more" if one.high < 0 else "less" if one.low > 0 else "none"
+            parts[kind].append(scenario)
+        label, name = algorithm_label(algorithm), arm_label(arms[0])
+        if not any(parts.values()):
+            found.append(f"{label}: too few seeds to compare {name} with a cost without groups.")
+            continue
+        said = [
+            (parts["none"], f"{name} adds nothing to a cost without groups that these seeds show"),
+            (parts["more"], f"{name} is more even than a cost without groups"),
+            (parts["less"], f"{name} is less even than a cost without groups"),
+        ]
+        sentences = [f"In {', '.join(where)} {what}." for where, what in said if where]
+        found.append(f"{label}: {' '.join(sentences)}")
+    return found
 
 
 def _rivals(volumes: dict[str, Estimate]) -> dict[str, Estimate]:
@@ -183,6 +225,8 @@ def cell(aim: str, verdict: Verdict) -> Cell:
     elif aim == EVENNESS:
         value = f"{percent(number.mean)} attained"
         limits = interval(number, percent)
+    elif aim == BLIND:
+        value, limits = say(number.mean), interval(number, say)
     elif aim in (PERFECT, WORST):
         value, limits = f"{points(number.mean)} points", interval(number, points)
     elif aim == BIASED:

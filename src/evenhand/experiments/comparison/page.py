@@ -77,6 +77,7 @@ def render(comparison: Comparison, drawn: Sequence[Drawn]) -> str:
         learners=_learners(comparison),
         judged=judged_aims.judge(comparison),
         aims=judged_aims.AIMS,
+        added=judged_aims.added(comparison),
         figures=[html.figure_context(figure) for figure in drawn],
         scenarios=words.scenario_table(comparison),
         measures=[head for head, _, _ in words.MEASURES],

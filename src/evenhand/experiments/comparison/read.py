@@ -29,7 +29,7 @@ SCHEMAS: dict[str, dict[str, str]] = {
         "seeds": "int",
         **{
             f"{name}{end}": "number?"
-            for name in ("share", "difference", "improvement")
+            for name in ("share", "difference", "to_blind", "improvement")
             for end in _ENDS
         },
     },
@@ -129,7 +129,7 @@ class Comparison:
             algorithm: that learned, ``none`` for an arm that learns nothing.
             arm: method and perhaps strength.
             metric: as in the table.
-            of: ``iqm``, ``share``, ``difference`` or ``improvement``.
+            of: ``iqm``, ``share``, ``difference``, ``to_blind`` or ``improvement``.
         """
         row = self._rows.get((scenario, algorithm, arm, metric))
         if row is None:

@@ -22,6 +22,8 @@ NO_ALGORITHM = "none"
 CONTROLS = ("reference", "untrained")
 """What learns nothing: the reference robot of the scenario, and the policy before
 training (in ``prejudiced``, after imitation). They are the same for every algorithm."""
+BLIND = "blind"
+"""The control that every arm is compared with, beside training on service alone."""
 UNTUNED = ("r_ppo",)
 """Methods whose strength nobody has tuned for the comparison (``results/tuning.csv``)."""
 ARMS = (*CONTROLS, *(name for name in registry.BUILT_IN if name not in UNTUNED))

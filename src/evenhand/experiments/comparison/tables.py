@@ -9,7 +9,7 @@ import numpy as np
 
 from evenhand.experiments.comparison import aggregate
 from evenhand.experiments.comparison.aggregate import Estimate
-from evenhand.experiments.comparison.settings import NO_ALGORITHM, Cell, method_of, place
+from evenhand.experiments.comparison.settings import BLIND, NO_ALGORITHM, Cell, method_of, place
 from evenhand.methods.paper import issues
 from evenhand.methods.paper.scores import count
 from evenhand.methods.scheme import Scheme
@@ -20,7 +20,7 @@ from evenhand.training import evaluate
 ISSUES = tuple(issue.name for issue in issues.PAPER_ISSUES)
 METRICS = (
     "corrected_total", *(f"corrected_{name}" for name in ISSUES), "raw_total", "perfect_rate",
-    "worst_group_rate", "biased_epochs",
+    "worst_group_rate", "per_imperfect", "biased_epochs",
 )  # fmt: skip
 GREATER_IS_BETTER = ("perfect_rate", "worst_group_rate")
 ALL = "all"
@@ -33,9 +33,11 @@ LEAST_SCALE = 0.05
 RESULTS = ("scenario", "algorithm", "arm", "seed", "metric", "value")
 SUMMARY = (
     "scenario", "algorithm", "arm", "metric", "iqm", "low", "high", "seeds",
-    *(f"{name}{end}" for name in ("share", "difference", "improvement")
+    *(f"{name}{end}" for name in ("share", "difference", "to_blind", "improvement")
       for end in ("", "_low", "_high")),
 )  # fmt: skip
+LEAST_IMPERFECT = 30
+"""Services that were not perfect, before unevenness is divided by their share."""
 FRONTS = (
     "scenario", "algorithm", "method", "hypervolume", "low", "high", "seeds", "arms", "front",
     "scale",
@@ -73,8 +75,9 @@ def numbers(table: Services, scheme: Scheme) -> dict[str, float | None]:
         corrected_total: total issue score of all services as one window less what chance alone
         gives (``chance.corrected_scores``): an even robot is about 0 and may be
         below; corrected_<issue>: its parts; raw_total: the printed score, mean over windows of 30;
-        perfect_rate; worst_group_rate: the least among the groups with at least 30 services. None
-        where nothing is known.
+        perfect_rate; worst_group_rate: the least among the groups with at least 30 services;
+        per_imperfect: corrected_total over the share of services that were not perfect, where at
+        least 30 were not. None where nothing is known.
     """
     named = [issue.name for issue in scheme.issues]
     x, inside = scheme.indicators(table), scheme.inside(scheme.codes(table))
@@ -89,7 +92,12 @@ def numbers(table: Services, scheme: Scheme) -> dict[str, float | None]:
         "perfect_rate": good.mean(),
     }
     known = {name: None if np.isnan(value) else float(value) for name, value in found.items()}
-    return known | {"worst_group_rate": evaluate.worst_group_rate(good, inside)}
+    total, imperfect = known["corrected_total"], int((~good).sum())
+    told = total is not None and imperfect >= LEAST_IMPERFECT
+    return known | {
+        "worst_group_rate": evaluate.worst_group_rate(good, inside),
+        "per_imperfect": total * len(good) / imperfect if told and total is not None else None,
+    }
 
 
 def tidy(results: Results) -> list[Row]:
@@ -124,8 +132,9 @@ def summary(results: Results) -> list[Row]:
 
     Each row: interquartile mean over seeds with its 95 % interval. Against training on service
     alone, of the same algorithm and the same seeds: ``difference``, and ``improvement``, the
-    probability of being better. For corrected_total ``share`` too: how much of the way from
-    service alone to the reference robot. Rows of scenario ``all`` pool every scenario but even,
+    probability of being better. Against a cost without groups likewise: ``to_blind``. For
+    corrected_total ``share`` too: how much of the way from service alone to the reference robot.
+    Rows of scenario ``all`` pool every scenario but even,
     for arms that were run in each, over the seeds that an arm has in each: so every scenario
     counts alike, however many seeds it has (as with Agarwal et al. 2021, where all tasks have
     equally many runs).
@@ -158,6 +167,7 @@ def _summary_row(
     rng = _rng(name, algorithm, arm, metric)
     own = [values[scenario, algorithm, arm, metric] for scenario in scenarios]
     service = [values.get((scenario, algorithm, "service", metric), {}) for scenario in scenarios]
+    blind = [values.get((scenario, algorithm, BLIND, metric), {}) for scenario in scenarios]
     best = [values.get((scenario, NO_ALGORITHM, "reference", metric), {}) for scenario in scenarios]
     row: Row = {"scenario": name, "algorithm": algorithm, "arm": arm, "metric": metric}
     middle = aggregate.mean_of(_together(own), rng)
@@ -166,6 +176,7 @@ def _summary_row(
     pairs = _together(own, service)
     sign = 1.0 if metric in GREATER_IS_BETTER else -1.0
     row |= _cells("difference", aggregate.difference(pairs, rng))
+    row |= _cells("to_blind", aggregate.difference(_together(own, blind), rng))
     row |= _cells("improvement", aggregate.improvement([sign * pair for pair in pairs], rng))
     if metric == "corrected_total":
         row |= _cells("share", aggregate.share(_together(service, own, best), rng))
@@ -257,7 +268,7 @@ def shown(rows: Iterable[Row]) -> list[Row]:
 
     Returns:
         scenario, algorithm, arm, seeds, and for each metric <metric>, <metric>_low, <metric>_high;
-        share with its limits.
+        share and to_blind with their limits.
     """
     found: dict[tuple[str, str, str], Row] = {}
     for row in rows:
@@ -269,5 +280,9 @@ def shown(rows: Iterable[Row]) -> list[Row]:
         whole |= _cells(metric, Estimate(row["iqm"], row["low"], row["high"], row["seeds"]))
         if metric == "corrected_total":
             whole["seeds"] = row["seeds"]
-            whole |= {name: row[name] for name in ("share", "share_low", "share_high")}
+            whole |= {
+                f"{name}{end}": row[f"{name}{end}"]
+                for name in ("share", "to_blind")
+                for end in ("", "_low", "_high")
+            }
     return list(found.values())

@@ -12,7 +12,7 @@ import numpy as np
 
 from evenhand.core import files
 from evenhand.core.wording import NOT_DEFINED, percent
-from evenhand.experiments.comparison.aims import SIX
+from evenhand.experiments.comparison.aims import EIGHT
 from evenhand.experiments.comparison.figures import POOLED, looks
 from evenhand.experiments.comparison.judged_aims import algorithm_label, interval
 from evenhand.experiments.comparison.read import NO_ALGORITHM, Comparison, arm_label
@@ -37,16 +37,18 @@ MECHANISMS = {
     "hurry": "two people at a time share the robot's time, with needs as in minority",
     "what-if-skin": "the sensor misses dark skin more often, which is a what-if without a source",
 }
-ROBOTS = ("untrained", "unaware", "service", "reference")
+ROBOTS = ("untrained", "unaware", "service", "blind", "reference")
 MEASURES = (
     ("Corrected total", "corrected_total", False),
     ("Raw total", "raw_total", False),
     ("Perfect services", "perfect_rate", True),
     ("Worst-served group", "worst_group_rate", True),
+    ("Corrected total by imperfect services", "per_imperfect", False),
 )
 FULL_HEADS = (
     "algorithm", "arm", "metric", "seeds", "interquartile mean", "difference to service alone",
-    "probability of improvement", "share of what is attainable",
+    "difference to a cost without groups", "probability of improvement",
+    "share of what is attainable",
 )  # fmt: skip
 
 
@@ -116,7 +118,7 @@ def full_table(c: Comparison) -> list[tuple[str, list[list[str]]]]:
         cells[-1] += of_all if row["metric"] == "biased_epochs" else ""
         cells.append(str(row["seeds"]))
         key = (row["scenario"], row["algorithm"], row["arm"], row["metric"])
-        for of in ("iqm", "difference", "improvement", "share"):
+        for of in ("iqm", "difference", "to_blind", "improvement", "share"):
             if of != "iqm" and isnan(row[of]):  # nothing to compare with
                 cells.append("")
                 continue
@@ -136,7 +138,7 @@ def limits(c: Comparison) -> Iterator[tuple[str, str]]:
             f"{settings['services']:,} services a run, where the aims ask for {SERVICES:,}: small "
             "groups are few, and chance weighs more.",
         )
-    lacking = [name for name in SIX if name not in c.scenarios]
+    lacking = [name for name in EIGHT if name not in c.scenarios]
     if lacking:
         yield "Scenarios not run.", f"{', '.join(lacking)}: nothing here is about them."
     known, there = looks(), _methods(c)
