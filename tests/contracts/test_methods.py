@@ -325,6 +325,7 @@ def test_elbert_weighs_answers_by_the_credit_that_it_taught():
         found = epoch(rng, mask=np.ones((N, 1)), advantages_of=lambda r: np.asarray(r)[:, None])
         given, memory = guidance.teach(method, found, memory)
         worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
+        assert given.advantages is not None
         np.testing.assert_allclose(worth, given.advantages[:, 0], atol=1e-12)
 
 
@@ -336,6 +337,7 @@ def test_the_lagrangian_weighs_answers_by_the_cost_that_it_taught():
         given, memory = guidance.teach(method, found, memory)
         worth = guidance.worth(method, answers(found, rng), memory)[:, GIVEN]
         # apart from the scale of the reward, the same cost
+        assert given.advantages is not None
         plain = (found.reward - found.reward.mean()) / found.reward.std()
         cost = plain - (1.0 + memory.lam) * given.advantages[:, 0]
         ours = found.reward - (1.0 + memory.lam) * worth
@@ -348,6 +350,7 @@ def test_surgery_weighs_by_the_influence_that_it_taught():
     for _ in range(3):
         found = epoch(rng, mask=np.ones((N, 1)))
         given, memory = guidance.teach(method, found, memory)
+        assert given.fair is not None
         weighed = guidance.direction(method, answers(found, rng), memory)
         np.testing.assert_allclose(weighed[:, GIVEN], given.fair[:, 0], atol=1e-12)
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from evenhand.core.errors import InputError
 from evenhand.training import all_answers
@@ -21,7 +22,7 @@ def rng(seed: int = 0) -> np.random.Generator:
 
 
 def policy(seed: int = 1, algorithm: str = "reinforce", **changes):
-    settings = UpdateSettings(algorithm, "all_answers", anneal_updates=0, **changes)
+    settings = UpdateSettings(algorithm, "all_answers", anneal_updates=0, **changes)  # type: ignore
     return make_learner(OBS, PolicySettings(hidden=(4, 4)), settings, rng(seed)), settings
 
 
@@ -31,7 +32,7 @@ def walks(seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
 
 
 def responding(state, seen: np.ndarray) -> np.ndarray:
-    return np.exp(np.asarray(state.policy.log_probabilities(seen), float))[..., 1]
+    return np.exp(np.asarray(state.policy.log_probabilities(jnp.asarray(seen)), float))[..., 1]
 
 
 def enumerated(h: np.ndarray) -> np.ndarray:
@@ -47,7 +48,7 @@ def enumerated(h: np.ndarray) -> np.ndarray:
 def test_probabilities_of_answers_are_those_of_all_courses():
     state, _ = policy()
     seen, _ = walks()
-    answers, reach = all_answers.log_answers(state.policy.log_probabilities(seen))
+    answers, reach = all_answers.log_answers(state.policy.log_probabilities(jnp.asarray(seen)))
     h = responding(state, seen)
     np.testing.assert_allclose(np.exp(answers), enumerated(h), rtol=1e-5)
     np.testing.assert_allclose(np.exp(answers).sum(axis=1), 1.0, rtol=1e-6)
@@ -64,7 +65,7 @@ def test_expected_worth_by_hand():
     assert float(found) == pytest.approx(0.6 + 0.4 - 0.8, abs=1e-6)
 
 
-def objective(flat, unravel, seen, worth, coefficient, anchor=None, held=None):
+def objective(flat, unravel, seen, worth, coefficient, anchor, held):
     """The whole loss in NumPy; the weight of entropy and pull is ``held``: it does not move."""
     log = np.asarray(unravel(flat).log_probabilities(seen), float)
     h = np.exp(log[..., 1])
@@ -88,8 +89,8 @@ def test_the_step_is_down_the_numerical_gradient(pulled):
         seen, worth.astype(np.float32), np.zeros((N, L + 1), np.float32), np.ones(N, np.float32)
     )
     gradient = jax.grad(lambda p: all_answers._objective(p, services, anchor, settings)[0])
-    found, _ = jax.flatten_util.ravel_pytree(gradient(state.policy))
-    flat, unravel = jax.flatten_util.ravel_pytree(state.policy)
+    found, _ = ravel_pytree(gradient(state.policy))
+    flat, unravel = ravel_pytree(state.policy)
     h = responding(state, seen)
     held = np.cumprod(np.concatenate([np.ones((N, 1)), 1 - h], axis=1), axis=1)[:, :-1]
     rest = (unravel, seen, worth, settings.entropy_coefficient, anchor, held)
@@ -112,8 +113,8 @@ def test_it_is_the_mean_of_the_sampled_gradient():
         seen, worth.astype(np.float32), np.zeros((N, L + 1), np.float32), np.ones(N, np.float32)
     )
     gradient = jax.grad(lambda p: all_answers._objective(p, services, None, settings)[0])
-    exact = -np.asarray(jax.flatten_util.ravel_pytree(gradient(state.policy))[0])
-    flat, unravel = jax.flatten_util.ravel_pytree(state.policy)
+    exact = -np.asarray(ravel_pytree(gradient(state.policy))[0])
+    flat, unravel = ravel_pytree(state.policy)
 
     def log_of(values, observation):
         return unravel(values).log_probabilities(observation)
@@ -169,7 +170,7 @@ def test_left_over_places_change_nothing():
     alone, settings = policy(6, "ppo", passes=1, minibatches=1)
     second, _ = all_answers.update(alone, seen[:1], worth[:1], settings, rng(1))
     for found in (first, second):
-        assert np.isfinite(jax.flatten_util.ravel_pytree(found.policy)[0]).all()
+        assert np.isfinite(ravel_pytree(found.policy)[0]).all()
 
 
 def test_surgery_lowers_unevenness_without_hurting_service():
@@ -197,5 +198,5 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match="worth is not finite"):
         all_answers.update(state, seen, worth, settings, rng())
     with pytest.raises(InputError) as wrong:
-        UpdateSettings(credit="all")
+        UpdateSettings(credit="all")  # type: ignore[arg-type]
     assert wrong.value.field == "credit"

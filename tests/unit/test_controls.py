@@ -90,7 +90,7 @@ class _Spread(BlindSpend):
 
     @property
     def _method(self):
-        return self._chosen
+        return vars(self)["_chosen"]
 
 
 @pytest.mark.parametrize("name", ["service", "levelup", "blind", "blind_spend"])

@@ -72,6 +72,7 @@ def test_answers_that_depend_on_nothing_weigh_nothing_at_the_stated_rate():
         try:
             found = fit(scores, rng.random(100) < 0.3)
             believed += any(found.tau)
+            assert found.p is not None
             assert any(found.tau) == (found.p <= issue_weights.LEVEL)
         except issue_weights.InputError:
             believed += 1  # all slopes point down, which is no finding either

@@ -14,7 +14,7 @@ from support.refusals import refused
 
 PRINTED = ("score", "penalty")
 NAMES = ", ".join(registry.BUILT_IN)
-SCENARIOS = "even, prejudiced, perception, minority, tips, everyday"
+SCENARIOS = "even, prejudiced, perception, minority, tips, everyday, hidden, hurry, what-if-skin"
 PAPER = "preset paper rewards Eq. 4/5 and nothing else, and {} needs a service reward: choose "
 PAPER += "score or penalty, or the preset service"
 

@@ -287,7 +287,7 @@ def test_missing_numbers_stay_missing(tmp_path: Path) -> None:
     change(folder / "fronts.csv", lambda row: row.update(hypervolume="", low="", high=""))
     text = text_of(drawn_without_figures(folder))
     assert text.count("? cannot be told not defined a number is missing") > 3
-    # one seed's numbers of 18 arms and 10 metrics, but for the biased epochs of 6 that learn nothing
+    # one seed's numbers of 18 arms and 10 metrics; biased epochs of 6 that learn nothing are none
     assert "174 of 1,800 numbers of runs are not defined" in text
     assert not re.search(r"\b(nan|NaN|None)\b", text)
     assert figures_fronts.draw_all(read.read(folder).fronts) == []

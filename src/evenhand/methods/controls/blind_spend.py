@@ -43,7 +43,9 @@ class BlindSpend:
     @property
     def _method(self) -> Any:
         found = registry.create(self.of)
-        return replace(found, **{registry.entry_of(found).strength: self.strength})
+        field = registry.entry_of(found).strength
+        assert field is not None
+        return replace(found, **{field: self.strength})
 
     @property
     def needs(self) -> tuple[str, ...]:
