@@ -5,6 +5,7 @@ the same folder, which leads to the report of each variant. Nothing here simulat
 """
 
 from collections.abc import Mapping, Sequence
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ _MANIFEST = (
     "version", "created", "command", "commit", "versions", "runs", "failed", "variants", "workers",
     "run_seconds", "elapsed_s",
 )  # fmt: skip
+_NONE = {"iqm": nan, "low": nan, "high": nan, "seeds": 0}
 _METRICS = (*MEASURES, ("Biased epochs", "biased_epochs", False))
 
 
@@ -109,7 +111,10 @@ def _variants(
     for name, settings in manifest["variants"].items():
         lines = []
         for scenario, algorithm, arm in heads.get(name, {}):
-            rows = [cells[name, scenario, algorithm, arm, metric] for _, metric, _ in _METRICS]
+            rows = [
+                cells.get((name, scenario, algorithm, arm, metric), _NONE)
+                for _, metric, _ in _METRICS
+            ]
             numbers = [
                 number(Estimate(row["iqm"], row["low"], row["high"], row["seeds"]), share)
                 for row, (_, _, share) in zip(rows, _METRICS, strict=True)
