@@ -17,7 +17,8 @@ SMALL = (
 )  # fmt: skip
 METRICS = {
     "corrected_total", "corrected_willingness", "corrected_quality", "corrected_priority",
-    "corrected_risk", "raw_total", "perfect_rate", "worst_group_rate", "biased_epochs",
+    "corrected_risk", "raw_total", "perfect_rate", "worst_group_rate", "per_imperfect",
+    "biased_epochs",
 }  # fmt: skip
 
 pytestmark = pytest.mark.slow
@@ -134,6 +135,7 @@ def test_every_promised_file_is_there(calm):
             "shrink": 0.5,
             "when": "always",
             "guarded": True,
+            "cost": 0.5,
         },
         "source": None,
     }

@@ -31,6 +31,7 @@ def learned(preset: str, **changed: Any) -> tuple[list[dict[str, Any]], list[dic
                     "arm": arm,
                     "seed": seed,
                     "total": (is_["total"] if guided else 1.0) * (1 + 0.1 * seed),
+                    "corrected_total": (is_["total"] if guided else 1.0) * (1 + 0.1 * seed),
                     "floor": 0.4,
                     "perfect_rate": 0.5,
                 }

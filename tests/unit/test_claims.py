@@ -3,14 +3,15 @@
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evenhand.experiments.paper import claims
 from evenhand.restaurant import robots
 from support.claimed import learned, made_demos, made_study
 
-YES, NO = "reproduced", "contradicted"
-UNTOLD, UNTESTED = "cannot be told", "cannot be tested"
+YES, NO, FITTED = "reproduced", "contradicted", "reproduced by calibration"
+UNTOLD, NOTHING, UNTESTED = "open", "no effect", "not testable"
 
 
 def judged(**changed: Any) -> dict[str, dict[str, Any]]:
@@ -26,28 +27,59 @@ class TestLearning:
         found = judged()
         for algorithm in ("reinforce", "ppo"):
             one = found[f"total_score_reduction_{algorithm}"]
-            # 1.0, 1.1, 1.2 against 0.7, 0.77, 0.84: 0.33 of 1.1, and 4.302653·0.03/√3/1.1
-            assert one["ours"] == pytest.approx(0.3)
-            assert one["ci95"] == pytest.approx([0.3 - 0.0677492, 0.3 + 0.0677492], abs=1e-6)
+            # 1.0, 1.1, 1.2 against 0.7, 0.77, 0.84: lower by 0.3, 0.33, 0.36; 4.302653·0.03/√3;
+            # 22 % of 1.1 are 0.242
+            assert one["ours"] == pytest.approx(0.33)
+            assert one["ci95"] == pytest.approx([0.33 - 0.0745241, 0.33 + 0.0745241], abs=1e-6)
             assert one["status"] == YES
             assert one["seeds"] == 3
-        assert (
-            "Total 1.100 without and 0.770 with" in found["total_score_reduction_ppo"]["evidence"]
-        )
+            assert "22.0 % of it would be 0.242" in one["evidence"]
+        evidence = found["total_score_reduction_ppo"]["evidence"]
+        assert "Total without chance 1.100 without and 0.770 with" in evidence
 
     @pytest.mark.parametrize(
         ("biased", "status"),
         # 53, 54 and 55 without guidance: the half width is 4.303 * 1 / sqrt(3) = 2.484 epochs,
-        # and the interval of 54 - 39 holds the paper's 15
-        [(39, UNTOLD), (36, YES), (37, UNTOLD), (41, UNTOLD), (42, NO)],
+        # and the interval of 54 - 39 holds the paper's 15; of 60 epochs, 1 is a third of 15 of 300
+        [(39, UNTOLD), (36, YES), (37, UNTOLD), (41, UNTOLD), (42, NO), (54, NO)],
     )
     def test_the_papers_epochs_are_compared_with(self, biased, status):
         one = judged(learned=learned("paper", biased=biased))["biased_epochs_reduction_ppo"]
-        assert one["paper"] == 0.278
-        assert one["ours"] == pytest.approx((54 - biased) / 54)
+        assert one["paper"] == "27.8 % lower"
+        assert one["ours"] == pytest.approx(54 - biased)
         assert one["status"] == status
         said = f"54.0 biased epochs without and {biased}.0 with guidance, of 60 each"
         assert said in one["evidence"]
+
+    def test_no_effect_is_shown_and_not_called_open(self):
+        """Totals 1, 1.1, 1.2, and 0.001 less with guidance, give or take."""
+        epochs, test = learned("paper", total=1.0)
+        for row in test:
+            if row["arm"].endswith("guidance"):
+                row["corrected_total"] -= 0.001 * (row["seed"] + 1)
+        one = judged(learned=(epochs, test))["total_score_reduction_ppo"]
+        assert one["ours"] == pytest.approx(0.002)
+        assert one["status"] == NOTHING
+        assert "within ±0.02" in one["evidence"]
+
+    def test_how_many_seeds_would_decide(self):
+        # 1.96 and 1.645 standard errors to either side: (3.605 · 0.05 / 0.02)²
+        each = np.array([-0.05, 0.0, 0.05])
+        assert claims.pairs_needed(each, 0.02) == 82
+        assert claims.pairs_needed(np.zeros(3), 0.02) == 2
+        one = judged(learned=learned("paper", total=0.78))["total_score_reduction_ppo"]
+        # differences 0.22, 0.242, 0.264: (3.6048 · 0.022 / 0.02)²
+        assert "About 16 seeds would show no effect with power 0.9" in one["evidence"]
+
+    def test_that_many_seeds_do_show_it(self):
+        """Simulated: with the pairs needed, no effect is shown in 90 % of cases."""
+        rng, runs = np.random.default_rng(4), 4000
+        n = claims.pairs_needed(np.array([-0.05, 0.0, 0.05]), 0.02)
+        shown = 0
+        for _ in range(runs):
+            found = claims.difference(rng.normal(0, 0.05, n), np.zeros(n))
+            shown += claims.lowered_by(*found[1:], goal=0.3, alike=0.02) == NOTHING
+        assert abs(shown / runs - 0.9) < 4 * np.sqrt(0.09 / runs) + 0.01
 
     @pytest.mark.parametrize("biased", [39, 54])
     def test_seeds_that_are_all_alike_cannot_tell(self, biased):
@@ -64,7 +96,7 @@ class TestLearning:
         found = judged(learned=learned("paper", total=0.78))
         one = found["total_score_reduction_ppo"]
         assert one["status"] == UNTOLD
-        assert one["evidence"].endswith("The interval holds 0.22: these seeds cannot tell.")
+        assert "These seeds cannot tell." in one["evidence"]
 
     def test_quality_compares_the_first_10_epochs_with_the_last_40(self):
         one = judged()["quality_improved"]
@@ -107,10 +139,10 @@ class TestLearning:
 
     def test_the_score_is_confined_when_it_swings_less_in_the_second_half(self):
         # swings 0.20, 0.22, 0.24 without and half of it with guidance: lowered by 0.1, 0.11, 0.12
-        # of 0.22, so by 0.5; the half width is 4.303 * 0.01 / sqrt(3) / 0.22 = 0.113
+        # the half width is 4.303 * 0.01 / sqrt(3) = 0.0248
         one = judged()["score_confined_ppo"]
-        assert one["ours"] == pytest.approx(0.5)
-        assert one["ci95"] == pytest.approx([0.387, 0.613], abs=1e-3)
+        assert one["ours"] == pytest.approx(0.11)
+        assert one["ci95"] == pytest.approx([0.0852, 0.1348], abs=1e-4)
         assert one["status"] == YES
         assert "0.220 without and 0.110 with guidance" in one["evidence"]
 
@@ -131,7 +163,7 @@ class TestLearning:
         epochs, test = learned("paper")
         epochs = [{**row, "biased_detector": False} for row in epochs]
         one = judged(learned=(epochs, test))["biased_epochs_reduction_ppo"]
-        assert (one["ours"], one["ci95"], one["status"]) == (None, None, UNTESTED)
+        assert (one["ours"], one["status"]) == (0.0, UNTESTED)
         assert one["evidence"].endswith("Without guidance there was nothing to lower.")
 
     def test_every_preset_has_claims_of_its_own(self):
@@ -155,7 +187,7 @@ class TestRobots:
         near = {**claims.SIGNATURES, "ableist": (0.04, 0.96, 0.0, 0.04)}
         monkeypatch.setattr(claims, "SIGNATURES", near)
         monkeypatch.setattr(claims.tables, "SIGNATURES", near)
-        assert judged()["signature_ableism"]["status"] == YES
+        assert judged()["signature_ableism"]["status"] == FITTED
 
     def test_the_papers_signatures(self):
         assert claims.SIGNATURES == {
@@ -175,14 +207,16 @@ class TestRobots:
         ):
             assert found[name]["paper"] == paper
             assert found[name]["ours"] == pytest.approx(ours)
-            assert found[name]["status"] == YES, name
+            assert found[name]["status"] == FITTED, name
 
     def test_nobody_is_ignored_most(self):
         assert judged(demos=made_demos(ignored=0))["most_ignored_is_racism"]["status"] == UNTOLD
 
 
 class TestStudy:
-    @pytest.mark.parametrize(("agree", "status"), [(980, YES), (975, YES), (1000, YES), (960, NO)])
+    @pytest.mark.parametrize(
+        ("agree", "status"), [(980, FITTED), (975, FITTED), (1000, FITTED), (960, NO)]
+    )
     def test_agreement_with_the_threshold(self, agree, status):
         one = judged(study=made_study(agree=agree))["detector_agreement"]
         assert one["ours"] == agree / 1000
@@ -196,7 +230,7 @@ class TestStudy:
         assert "threshold alone is right in 89.0 %" in one["evidence"]
         assert "more frequent answer in 60.0 %" in one["evidence"]
 
-    @pytest.mark.parametrize(("count", "status"), [(9, YES), (0, NO), (20, NO)])
+    @pytest.mark.parametrize(("count", "status"), [(9, FITTED), (0, NO), (20, NO)])
     def test_shares_of_the_questionnaire(self, count, status):
         found = judged(study=made_study(race=count, disability=count))
         race, disability = found["study_race_willingness"], found["study_disability_scenario4"]

@@ -28,9 +28,10 @@ class Reproduce:
     out: Path = ReproduceSettings.out
     """Folder of report.html, claims.json, results.csv and of everything behind them."""
 
-    preset: Annotated[tuple[Literal["paper", "service"], ...], arg(metavar="paper|service ...")] = (
-        ReproduceSettings.preset
-    )  # type: ignore[assignment]
+    preset: Annotated[
+        tuple[Literal["paper", "service", "prejudiced"], ...],
+        arg(metavar="paper|service|prejudiced ..."),
+    ] = ReproduceSettings.preset  # type: ignore[assignment]
     """Rewards to train on, one or both.
     paper: Eq. 4/5 and nothing else.
     service: service quality plus Eq. 4/5."""

@@ -6,8 +6,8 @@ from pathlib import Path
 from evenhand.core.errors import InputError, unknown, whole
 from evenhand.core.processors import CORES
 
-PRESETS = ("paper", "service")
-"""Rewards, as ``learn.train`` knows them."""
+PRESETS = ("paper", "service", "prejudiced")
+"""Rewards, as ``training.settings`` knows them; prejudiced is preset service in that scenario."""
 TEST_SEED = 1_000_000
 """Added to the seed of a run: people of the test are never those of training."""
 DEMO_SEED = 2_000_000
@@ -29,8 +29,10 @@ class ReproduceSettings:
     out: Path = Path("out/reproduce")
     """Folder of the report and of everything behind it."""
 
-    preset: tuple[str, ...] = PRESETS
-    """Rewards to train on: paper (Eq. 4/5 alone), service (service quality plus Eq. 4/5)."""
+    preset: tuple[str, ...] = PRESETS[:2]
+    """Rewards to train on: paper (Eq. 4/5 alone), service (service quality plus Eq. 4/5), and
+    prejudiced: service by robots that imitated biased ones first, where there is something to
+    lower."""
 
     seeds: int = 3
     """Runs of every arm, with seeds 0, 1, 2 ..."""

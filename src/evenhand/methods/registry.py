@@ -10,13 +10,12 @@ where the memory is arrays and numbers in dataclasses, tuples, lists or dicts, t
 decisions [n, L], or a `methods.guidance.Guidance`. It may also have
 
     alone(epoch) -> rewards [n]             where evenness is all that is rewarded (preset paper)
-    pay(services, window, memory) -> [m]    what is added to rewards of services by what is known
-                                            after a window; wrappers pay by it before one is over
-    worth(answers, memory) -> [n, A]        what services would have been worth with other answers
-                                            (`methods.epoch.Answers`); by default by ``pay``
+    pay(services, window, memory) -> [m]    what is added to rewards, by what a window has shown
+    worth(answers, memory) -> [n, A]        of services with other answers; by default by ``pay``
     direction(answers, memory) -> [n, A]    the same towards evenness alone, with `DIRECTION`
-    needs                                   some of `VERDICT`, `DIRECTION`, `BLINDNESS`,
-                                            `PREPROCESSING`
+    needs                                   `VERDICT`, `DIRECTION`, `BLINDNESS`, `PREPROCESSING`
+
+Wrappers ask ``pay`` before a window is over. Answers are `methods.epoch.Answers`.
 """
 
 from __future__ import annotations

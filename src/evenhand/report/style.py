@@ -135,6 +135,7 @@ _SPARE = [(PURPLE, "^"), (BLACK, "v"), (SKY, "P"), (ORANGE, "X"), (GREEN, "<"), 
 PRESETS = {
     "paper": "Preset paper: the printed reward alone",
     "service": "Preset service: quality of service and the printed reward",
+    "prejudiced": "Preset service after imitating biased robots",
 }
 
 

@@ -15,6 +15,7 @@ from evenhand.methods.vocabulary import LEAST
 from evenhand.restaurant import floor_plan, robots, serve_people
 from evenhand.restaurant.serve_people import WINDOW
 from evenhand.restaurant.worlds import AnyRobot, World
+from evenhand.statistics import chance
 
 if TYPE_CHECKING:
     from evenhand.training.settings import TrainSettings
@@ -112,20 +113,26 @@ def window_counts(
     Returns:
         Counts [W, G, K]; (identity, category) of the G groups; names of the K issues.
     """
-    named = issues.PAPER_ISSUES if scheme is None else scheme.issues
-    x = issues.indicators(table, named)
-    if scheme is None:
-        who = membership(table)
-        inside, groups = who.inside, who.groups
-    else:
-        inside, groups = scheme.inside(scheme.codes(table)), scheme.groups
+    x, inside, groups, names = _sides(table, scheme)
     inside = inside if order is None else inside[order]
     full = len(x) // WINDOW * WINDOW
     counts = count(
         x[:full].reshape(-1, WINDOW, x.shape[1]),
         inside[:full].reshape(-1, WINDOW, inside.shape[1]),
     )
-    return counts, groups, [issue.name for issue in named]
+    return counts, groups, names
+
+
+def _sides(
+    table: Services, scheme: Scheme | None
+) -> tuple[np.ndarray, np.ndarray, tuple[tuple[str, str], ...], list[str]]:
+    """Issues [n, K] and membership [n, G], with the names of groups and issues."""
+    named = issues.PAPER_ISSUES if scheme is None else scheme.issues
+    x, names = issues.indicators(table, named), [issue.name for issue in named]
+    if scheme is None:
+        who = membership(table)
+        return x, who.inside, who.groups, names
+    return x, scheme.inside(scheme.codes(table)), scheme.groups, names
 
 
 def window_scores(
@@ -146,14 +153,15 @@ def summary(table: Services, seed: int, scheme: Scheme | None = None) -> dict[st
     Returns:
         total and the issues (means over windows of 30, as the paper scores them), floor (the
         total that chance alone gives: identities permuted over the same services), pooled_total
-        (of all services as one window), shares of perfect services (overall and of the worst of
+        (of all services as one window), corrected_total (the same without chance, see
+        ``chance.corrected_scores``), shares of perfect services (overall and of the worst of
         the 22 groups, see ``worst_group_rate``) and of responses, mean response distance (m) and
         time (steps). None where nothing is known.
     """
     windows = window_scores(table, scheme=scheme)
     rng = np.random.default_rng(seed)
     orders = (rng.permutation(len(table)) for _ in range(_SHUFFLES))
-    chance = [window_scores(table, order, scheme).total for order in orders]
+    shuffled = [window_scores(table, order, scheme).total for order in orders]
     pooled = score(table) if scheme is None else scheme.score(table)
     good = perfect(table)
     responded = table.fact("responded") == 1.0
@@ -162,8 +170,9 @@ def summary(table: Services, seed: int, scheme: Scheme | None = None) -> dict[st
         "services": len(table),
         "total": _mean(windows.total),
         **{name: _mean(windows.overall[:, k]) for k, name in enumerate(windows.issues)},
-        "floor": _mean(np.concatenate(chance)),
+        "floor": _mean(np.concatenate(shuffled)),
         "pooled_total": _mean(np.atleast_1d(pooled.total)),
+        "corrected_total": _mean(np.atleast_1d(corrected_total(table, scheme))),
         "perfect_rate": float(good.mean()),
         "worst_group_rate": worst_group_rate(good, membership(table).inside),
         "response_rate": float(responded.mean()),
@@ -171,6 +180,12 @@ def summary(table: Services, seed: int, scheme: Scheme | None = None) -> dict[st
         "mean_response_time": _mean(step[responded]),
         "mean_service_seconds": float(table.fact("steps").mean() * floor_plan.TIMESTEP),
     }
+
+
+def corrected_total(table: Services, scheme: Scheme | None = None) -> float:
+    """Total issue score of all services as one window, without what chance alone gives."""
+    x, inside, groups, names = _sides(table, scheme)
+    return float(chance.corrected_scores(count(x, inside), groups, names).total)
 
 
 def worst_group_rate(good: np.ndarray, inside: np.ndarray) -> float | None:

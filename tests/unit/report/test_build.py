@@ -110,7 +110,7 @@ def test_claims_come_first_with_status_in_words(page: Page) -> None:
     assert sections[:2] == ["claims", "summary"]
     assert sections[-2:] == ["methods", "manifest"]
     text = " ".join(" ".join(page.text).split())
-    assert "3 reproduced" in text
+    assert "2 reproduced by calibration" in text
     assert "0.962 95 % [0.940, 0.980] 2 seeds" in text
     assert "[0.49, 0.25, 0.38, 0.43]" in text
 
@@ -119,8 +119,8 @@ def test_it_is_said_what_the_rows_of_claims_are(page: Page) -> None:
     text = " ".join(" ".join(page.text).split())
     assert (
         "The table has 7 rows: 5 claims of the paper; 1 of them again, learned from another "
-        "reward; 1 beside them, of which the paper prints no number. 3 were reproduced, 1 was "
-        "contradicted, 2 cannot be told, and 1 cannot be tested with this run."
+        "reward; 1 beside them, of which the paper prints no number. 1 was reproduced, 2 were "
+        "reproduced by calibration, 1 was contradicted, 2 open, and 1 not testable with this run."
     ) in text
 
 

@@ -9,7 +9,14 @@ from scipy import stats
 from evenhand.experiments.paper import tables
 from evenhand.experiments.paper.calibrate import SIGNATURES
 from evenhand.experiments.paper.demonstrations import KINDS, Demos, Study
-from evenhand.experiments.paper.report.results import CONTRADICTED, REPRODUCED, UNTESTED, UNTOLD
+from evenhand.experiments.paper.report.results import (
+    CALIBRATED,
+    CONTRADICTED,
+    EQUIVALENT,
+    OPEN,
+    REPRODUCED,
+    UNTESTED,
+)
 from evenhand.methods.vocabulary import ISSUES
 from evenhand.report.table import Row
 from evenhand.restaurant import people
@@ -44,52 +51,69 @@ def claim(
     }
 
 
-def reduction(without: np.ndarray, with_guidance: np.ndarray) -> tuple[float, float, float]:
-    """Share by which guidance lowers a mean, with a 95 % interval over paired seeds.
-
-    The interval is Student's t of the paired differences, divided by the mean without guidance.
+def difference(without: np.ndarray, with_guidance: np.ndarray) -> tuple[float, float, float]:
+    """By how much guidance lowers a number, with a 95 % interval over paired seeds (Student's t).
 
     Args:
         without: one number a seed, [S].
         with_guidance: of the same seeds, [S].
 
     Returns:
-        Estimate, lower and upper end; NaN for the ends with one seed, and for all three when
-        the mean without guidance is 0.
+        Estimate, lower and upper end; NaN for the ends with one seed.
     """
-    base = float(without.mean())
-    if base == 0.0:
-        return float("nan"), float("nan"), float("nan")
-    difference = without - with_guidance
-    estimate = float(difference.mean()) / base
-    n = len(difference)
+    each = without - with_guidance
+    n = len(each)
+    estimate = float(each.mean())
     if n < 2:
         return estimate, float("nan"), float("nan")
-    half = float(stats.t.ppf(0.975, n - 1)) * float(difference.std(ddof=1)) / np.sqrt(n) / base
+    half = float(stats.t.ppf(0.975, n - 1)) * float(each.std(ddof=1)) / np.sqrt(n)
     return estimate, estimate - half, estimate + half
 
 
-def at_least(low: float, high: float, bound: float) -> str:
-    """Verdict on "at least ``bound``": the interval lies above, below, or around it."""
+def lowered_by(low: float, high: float, goal: float, alike: float) -> str:
+    """Verdict on "lowers by at least ``goal``", for a difference with an interval.
+
+    Args:
+        low: lower end of the interval.
+        high: upper end.
+        goal: what the paper says, in the unit of the difference.
+        alike: differences within this to either side are none that matters.
+    """
     if no_interval(low, high):
-        return UNTOLD
-    if low >= bound:
+        return OPEN
+    if -alike < low and high < alike:
+        return EQUIVALENT
+    if low >= goal:
         return REPRODUCED
-    return CONTRADICTED if high < bound else UNTOLD
+    return CONTRADICTED if high < goal else OPEN
+
+
+def pairs_needed(each: np.ndarray, alike: float) -> int:
+    """Pairs of seeds by which no effect would be shown with power 0.9, if there is none.
+
+    (z₀.₉₇₅ + z₀.₉₅)² s² / δ²: both ends of a 95 % interval have to lie within ±δ (two one-sided
+    tests, Schuirmann 1987; Chow, Shao and Wang 2008, section 3.2).
+
+    Args:
+        each: differences of the pairs there are, [S], at least two.
+        alike: δ.
+    """
+    quantiles = stats.norm.ppf(0.975) + stats.norm.ppf(0.95)
+    return max(2, int(np.ceil((quantiles * float(each.std(ddof=1)) / alike) ** 2)))
 
 
 def contains(low: float, high: float, number: float) -> str:
-    """Verdict on "equals ``number``" for an estimate with an interval."""
-    return REPRODUCED if low <= number <= high else CONTRADICTED
+    """Verdict on "equals ``number``", to which something was fitted, by its interval."""
+    return CALIBRATED if low <= number <= high else CONTRADICTED
 
 
 def above_zero(low: float, high: float) -> str:
     """Verdict on "greater than 0": the interval lies above, below, or around it."""
     if no_interval(low, high):
-        return UNTOLD
+        return OPEN
     if low > 0:
         return REPRODUCED
-    return CONTRADICTED if high < 0 else UNTOLD
+    return CONTRADICTED if high < 0 else OPEN
 
 
 def no_interval(low: float, high: float) -> bool:
@@ -97,17 +121,15 @@ def no_interval(low: float, high: float) -> bool:
     return bool(np.isnan(low) or np.isnan(high) or high - low < SAME)
 
 
-def undecided(status: str, low: float, high: float, bound: float) -> str:
-    """Why a verdict is "cannot be told" or "cannot be tested"; nothing for another one."""
-    if status == UNTESTED:
-        return "Without guidance there was nothing to lower."
-    if status != UNTOLD:
+def undecided(status: str, low: float, high: float) -> str:
+    """Why a verdict is open for want of an interval; nothing for another one."""
+    if status != OPEN:
         return ""
     if np.isnan(low):
         return "One seed gives no interval: run more seeds."
     if no_interval(low, high):
         return "The difference is the same in every seed, which gives no interval: run more seeds."
-    return f"The interval holds {bound:.3g}: these seeds cannot tell."
+    return "These seeds cannot tell."
 
 
 def number(value: float) -> float | None:
@@ -124,7 +146,21 @@ LOWER_SCORE = 0.22
 """Share by which guidance lowers the total issue score in the paper's test."""
 FEWER_EPOCHS = 15 / 54
 """Share by which guidance lowers PPO's biased epochs in the paper, printed as 27.8 %."""
+ALIKE = 0.02
+"""Corrected totals within this are alike: half a point in each of four issues, an eleventh of the
+0.22 that separates the paper's arms."""
+EPOCHS_ALIKE = 5 / 300
+"""Shares of biased epochs within this are alike: a third of the paper's 15 of 300."""
+SPREAD_ALIKE = 0.01
+"""Standard deviations of the total within this are alike: a tenth of what chance alone makes of
+windows of 30."""
 SIGNATURE_TOLERANCE = 0.05
+REWARDS = {
+    "paper": "Eq. 4/5 alone",
+    "service": "service quality plus Eq. 4/5",
+    "prejudiced": "service quality plus Eq. 4/5, after imitating biased robots",
+}
+"""What is rewarded in each preset."""
 
 
 def all_claims(demos: Demos, study: Study, epochs: list[Row], test: list[Row]) -> list[Claim]:
@@ -153,7 +189,7 @@ def _detector_claims(study: Study) -> list[Claim]:
             found.agreement.value,
             (found.agreement.low, found.agreement.high),
             1,
-            REPRODUCED if found.agreement.high >= 0.98 else CONTRADICTED,
+            CALIBRATED if found.agreement.high >= 0.98 else CONTRADICTED,
             common + "Partly by construction: simulated respondents judge by a threshold near 0.5.",
         ),
         claim(
@@ -174,11 +210,11 @@ def _detector_claims(study: Study) -> list[Claim]:
 def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Claim]:
     out: list[Claim] = []
     suffix = "" if preset == "paper" else f"_{preset}"
-    reward = "Eq. 4/5 alone" if preset == "paper" else "service quality plus Eq. 4/5"
+    reward = REWARDS[preset]
     for algorithm in ("reinforce", "ppo"):
-        total, floor, perfect = (
+        total, raw, floor, perfect = (
             _without_and_with(test, preset, algorithm, name)
-            for name in ("total", "floor", "perfect_rate")
+            for name in ("corrected_total", "total", "floor", "perfect_rate")
         )
         out.append(
             _lowered(
@@ -186,15 +222,18 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
                 f"Guidance lowers {algorithm.upper()}'s total issue score in the test by more "
                 f"than 22 % (reward: {reward})",
                 total,
-                f"Total {total[0].mean():.3f} without and {total[1].mean():.3f} with guidance; "
-                f"chance alone gives {floor[1].mean():.3f} at these issue rates. Perfect services: "
-                f"{100 * perfect[0].mean():.1f} % without, {100 * perfect[1].mean():.1f} % with. "
+                f"Total without chance {total[0].mean():.3f} without and {total[1].mean():.3f} "
+                f"with guidance (printed total {raw[0].mean():.3f} and {raw[1].mean():.3f}, of "
+                f"which chance alone gives {floor[0].mean():.3f} and {floor[1].mean():.3f}). "
+                f"Perfect services: {100 * perfect[0].mean():.1f} % without, "
+                f"{100 * perfect[1].mean():.1f} % with. "
                 + (
                     "A factor on all rewards nearly cancels when advantages are normalised. "
                     if preset == "paper"
                     else ""
                 ),
                 LOWER_SCORE,
+                ALIKE,
             )
         )
     end = 1 + max(int(row["epoch"]) for row in epochs)
@@ -207,6 +246,7 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
             f"Detector: {biased[0].mean():.1f} biased epochs without and {biased[1].mean():.1f} "
             f"with guidance, of {end} each. ",
             FEWER_EPOCHS,
+            EPOCHS_ALIKE * end,
         )
     )
     late = _between(epochs, end // 2, end)
@@ -218,8 +258,9 @@ def _learning_claims(preset: str, epochs: list[Row], test: list[Row]) -> list[Cl
             f"(reward: {reward})",
             spread,
             "Standard deviation of the total over the second half of the epochs: "
-            f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance; this is the "
-            "share by which guidance lowers it. ",
+            f"{spread[0].mean():.3f} without and {spread[1].mean():.3f} with guidance. ",
+            None,
+            SPREAD_ALIKE,
         )
     )
     out.append(_improved(f"quality_improved{suffix}", preset, reward, epochs))
@@ -253,7 +294,7 @@ def _improved(name: str, preset: str, reward: str, epochs: list[Row]) -> Claim:
         status,
         f"Share of perfect services: {100 * first.mean():.1f} % in the first {early} epochs, "
         f"{100 * last.mean():.1f} % in the last {late}. "
-        + undecided(status, low, high, 0.0)
+        + undecided(status, low, high)
         + (
             "The printed reward pays for equal treatment only, and a robot that fails everyone "
             "alike earns it: it levels down."
@@ -268,21 +309,40 @@ def _lowered(
     text: str,
     pair: tuple[np.ndarray, np.ndarray],
     evidence: str,
-    goal: float | None = None,
+    share: float | None,
+    alike: float,
 ) -> Claim:
-    estimate, low, high = reduction(*pair)
-    bound = 0.0 if goal is None else goal
-    status = above_zero(low, high) if goal is None else at_least(low, high, goal)
-    status = UNTESTED if np.isnan(estimate) else status
+    """A claim on a difference; the paper says by which share of what is without guidance.
+
+    ``share`` is None where the paper says that a number is lower, not by how much; ``alike`` is
+    the bound of equivalence.
+    """
+    without, with_guidance = pair
+    estimate, low, high = difference(without, with_guidance)
+    goal = 0.0 if share is None else share * float(without.mean())
+    status = lowered_by(low, high, goal, alike)
+    if share is None and status == REPRODUCED and low <= 0.0:
+        status = OPEN
+    if not without.any() and not with_guidance.any():
+        status, why = UNTESTED, "Without guidance there was nothing to lower."
+    elif status == EQUIVALENT:
+        why = f"The interval lies within ±{alike:.3g}: guidance changes nothing that matters."
+    else:
+        why = undecided(status, low, high)
+    if status == OPEN and not no_interval(low, high):
+        more = pairs_needed(without - with_guidance, alike)
+        why += f" About {more:,} seeds would show no effect with power 0.9, if there is none."
+    if share is not None:
+        evidence += f"{100 * share:.1f} % of it would be {goal:.3g}. "
     return claim(
         name,
         text,
-        "less volatile" if goal is None else round(goal, 3),
+        "less volatile" if share is None else f"{100 * share:.1f} % lower",
         number(estimate),
         interval(low, high),
-        len(pair[0]),
+        len(without),
         status,
-        evidence + undecided(status, low, high, bound),
+        evidence + why,
     )
 
 
@@ -328,7 +388,7 @@ def _signature_claims(demos: Demos) -> list[Claim]:
                     [round(row["ci_high"], 3) for row in mine],
                 ),
                 1,
-                REPRODUCED if off[worst] <= SIGNATURE_TOLERANCE else CONTRADICTED,
+                CALIBRATED if off[worst] <= SIGNATURE_TOLERANCE else CONTRADICTED,
                 f"{mine[0]['windows']} windows of 30 services by the {kind} robot, which was "
                 f"calibrated to these numbers; farthest off in {worst}, by {off[worst]:.3f} "
                 f"(tolerance {SIGNATURE_TOLERANCE}).",
@@ -358,7 +418,7 @@ def _behaviour_claims(demos: Demos) -> list[Claim]:
                 mine["value"],
                 (mine["ci_low"], mine["ci_high"]),
                 1,
-                REPRODUCED if beyond else CONTRADICTED if below else UNTOLD,
+                CALIBRATED if beyond else CONTRADICTED if below else OPEN,
                 f"{mine['services']} services at full strength; the others: {listed}. The verdict "
                 "is on the order; the odds of the robots were calibrated with the paper's figures "
                 "for distance and time in view.",

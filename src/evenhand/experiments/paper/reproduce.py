@@ -41,7 +41,7 @@ _EPOCH_COLUMNS = (
 
 def arms_of(preset: str) -> list[str]:
     """Names of the arms of a preset, in order."""
-    if preset != "paper":
+    if preset == "service":
         return list(ARMS)
     return [arm for arm, (_, name) in ARMS.items() if hasattr(registry.create(name), "alone")]
 
@@ -118,7 +118,9 @@ def _demonstrate(out: Path, settings: ReproduceSettings, stage: Stage) -> demons
 def training_of(preset: str, arm: str, seed: int, epochs: int, population: str) -> TrainSettings:
     """Settings of a run."""
     algorithm, name = ARMS[arm]
-    settings = settings_of(preset, algorithm, name, seed=seed, epochs=epochs, population=population)
+    reward, scenario = ("service", "prejudiced") if preset == "prejudiced" else (preset, "even")
+    settings = settings_of(reward, algorithm, name, seed=seed, epochs=epochs, population=population)
+    settings = replace(settings, scenario=scenario)
     # the paper's arms stay as printed, and a tenth of their time is saved
     return replace(settings, reflect=arm not in arms_of("paper"))
 

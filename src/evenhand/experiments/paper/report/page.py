@@ -11,7 +11,7 @@ from evenhand.report.figure import Drawn
 from evenhand.report.page import NOT_PRINTED, duration, figure_context, fill, flat, value_text
 from evenhand.report.read_tables import Results
 
-_ICONS: dict[str, str] = dict(zip(STATUSES, "✓✗?–", strict=True))
+_ICONS: dict[str, str] = dict(zip(STATUSES, "✓✓✗=?–", strict=True))
 
 
 SECTIONS = {

@@ -15,11 +15,13 @@ def _schema(text: str) -> dict[str, str]:
     return {name: kind for name, _, kind in (pair.partition(":") for pair in text.split())}
 
 
-REPRODUCED, CONTRADICTED, UNTOLD, UNTESTED = STATUSES = (
+REPRODUCED, CALIBRATED, CONTRADICTED, EQUIVALENT, OPEN, UNTESTED = STATUSES = (
     "reproduced",
+    "reproduced by calibration",
     "contradicted",
-    "cannot be told",
-    "cannot be tested",
+    "no effect",
+    "open",
+    "not testable",
 )
 
 

@@ -12,7 +12,7 @@ from evenhand.core.wording import joined, percent
 from evenhand.experiments.paper.report.figures_biased import biased_data
 from evenhand.experiments.paper.report.figures_detector import judge_text, metric_text
 from evenhand.experiments.paper.report.figures_study import behaviour_data, measure_title
-from evenhand.experiments.paper.report.results import STATUSES
+from evenhand.experiments.paper.report.results import CONTRADICTED, STATUSES
 from evenhand.methods.vocabulary import MANUAL_THRESHOLD
 from evenhand.report import style
 from evenhand.report.read_tables import Results
@@ -155,8 +155,11 @@ def _claims(results: Results) -> tuple[str, str]:
     if unprinted:
         parts.append(f"{unprinted} beside them, of which the paper prints no number")
     counts = dict(status_counts(results))
-    outcomes = [f"{counts[s]} {_was(counts[s])} {s}" for s in STATUSES[:2]]
-    outcomes += [f"{counts[s]} {s}" for s in STATUSES[2:]]
+    told = [status for status in STATUSES if counts[status] or status in STATUSES[:1]]
+    outcomes = [
+        f"{counts[s]} {_was(counts[s]) + ' ' if 're' in s or s == CONTRADICTED else ''}{s}"
+        for s in told
+    ]
     return (
         "Claims.",
         f"The table has {len(ids)} {'row' if len(ids) == 1 else 'rows'}: {'; '.join(parts)}. "
