@@ -121,9 +121,9 @@ AT = [
     ("minority", ELDER, 2.0, 0.0, 1.15),
     ("minority", BOTH, 2.0, 0.0, 1.15),
     ("minority", WHEELCHAIR, 2.0, 0.0, 1.45),
-    # not told who it is: between 1.0 m of 1.330579 and 1.5 m, whoever asks, and 0.05 m
-    ("hidden", ADULT, 2.0, 0.0, (1.61 / 1.21 + 1.5) / 2 + 0.05),
-    ("hidden", CHILD, 2.0, 0.5, (1.61 / 1.21 + 1.5) / 2 + 0.05 + 0.5),
+    # not told who it is: 1.5 m of somebody of the height assumed, whoever asks
+    ("hidden", ADULT, 2.0, 0.0, 1.5),
+    ("hidden", CHILD, 2.0, 0.5, 1.5 + 0.5),
     # halfway: 1.0-1.35 m and 1.15-1.5 m, and the square root of the stretch
     ("everyday", ELDER, 2.0, 0.0, 1.225),
     ("everyday", WHEELCHAIR, 2.0, 0.0, 1.375 * np.sqrt(1.61 / 1.21)),
