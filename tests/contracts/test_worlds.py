@@ -159,7 +159,7 @@ def test_a_comparison_counts_the_issues_of_the_world():
     rows = tables.tidy({cell: ours | {"biased_epochs": 1}})
     assert [row["metric"] for row in rows] == [
         "corrected_total", "corrected_nearness", "corrected_willingness", "raw_total",
-        "perfect_rate", "worst_group_rate", "biased_epochs",
+        "perfect_rate", "worst_group_rate", "per_imperfect", "biased_epochs",
     ]  # fmt: skip
     summed = {row["metric"]: row["iqm"] for row in tables.summary({cell: ours})}
     assert summed["corrected_nearness"] == ours["corrected_nearness"]
