@@ -19,7 +19,7 @@ from evenhand.training.learners import LABELS
 
 ICONS = {aims.REACHED: "✓", aims.MISSED: "✗", aims.UNKNOWN: "?"}
 EVENNESS, PERFECT, WORST, BLIND, VOLUME = (
-    "Corrected total", "Perfect services", "Worst-served group", "Against a cost without groups",
+    "Corrected total", "Perfect services", "Worst-served group", "Against blind",
     "Hypervolume",
 )  # fmt: skip
 BIASED, MOST = "Biased epochs in training", "Hypervolume in 6 of 8 scenarios"
@@ -145,7 +145,7 @@ def added(c: Comparison) -> list[str]:
             if isnan(one.mean) or isnan(one.low):
                 continue
             kind = "more" if one.high < 0 else "less" if one.low > 0 else "none"
-            parts[kind].append(scenario)
+            parts[kind].append(f"{scenario} ({say(one.mean)})")
         label, name = algorithm_label(algorithm), arm_label(arms[0])
         if not any(parts.values()):
             found.append(f"{label}: too few seeds to compare {name} with a cost without groups.")
