@@ -168,8 +168,8 @@ def test_what_guidance_adds_comes_first(comparison: Comparison, page: Page, tmp_
     # 0.05 less 0.15, ± 0.001, but in tips
     assert sentence == (
         "PPO: In tips (0.010) level-up adds nothing to a cost without groups that these seeds "
-        "show. In even (\N{MINUS SIGN}0.100), prejudiced (\N{MINUS SIGN}0.100) level-up is more even "
-        "than a cost without groups."
+        "show. In even (\N{MINUS SIGN}0.100), prejudiced (\N{MINUS SIGN}0.100) level-up is more "
+        "even than a cost without groups."
     )
     text = text_of(page)
     assert text.index("What does guidance add to better service?") < text.index("Were the aims")
