@@ -291,7 +291,7 @@ def test_help_needs_none_of_the_heavy_libraries(apart):
 
 
 def test_commands_and_settings_know_the_same_names_and_defaults():
-    assert PRESETS == (*LEARNED, "prejudiced")
+    assert (*LEARNED, "prejudiced") == PRESETS
     words = {f.name: f.default for f in fields(command_of("train.Train"))}
     settings = TrainSettings()
     for name in ("seed", "epochs", "people", "population"):
