@@ -1,4 +1,4 @@
-"""Self-reflection beside the learners with all answers: planted biased updates, and stated alarms."""
+"""Self-reflection beside learners with all answers: planted updates, and stated alarms."""
 
 from dataclasses import replace
 
