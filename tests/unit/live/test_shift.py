@@ -14,6 +14,7 @@ from evenhand.restaurant.simulation import serve
 from evenhand.restaurant.worlds import World
 from evenhand.training import evaluate, train
 from evenhand.training.settings import TrainSettings
+from support.refusals import refused
 
 
 def outcomes(seen: Shift, n: int) -> list[shift.Outcome]:
@@ -164,3 +165,8 @@ def test_a_cast_has_the_world_of_its_scenario():
 def test_what_cannot_be_shown_is_said(wrong, said):
     with pytest.raises(InputError, match=said):
         shift.scripted(*wrong)
+
+
+def test_a_party_is_not_shown_one_by_one():
+    with refused("unsupported party", "hurry"):
+        Shift(shift.scripted("even", 1.0, "hurry"), 3)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from evenhand.core.errors import InputError
 from evenhand.methods.scheme import Scheme
 from evenhand.restaurant import floor_plan, people, robots, worlds
 from evenhand.restaurant.scheme import SCHEME
@@ -179,7 +180,16 @@ class Shift:
             cast: who serves whom.
             seed: of people, places and chances; the first 30 services are those that
                 ``experiments.measure`` serves with it when it is asked for 30.
+
+        Raises:
+            InputError: for a world of parties.
         """
+        if cast.world.party > 1:
+            raise InputError(
+                "unsupported party",
+                f"scenario {cast.world.name!r} serves parties who share their time, and one "
+                "service at a time is shown here: choose another scenario, or film it",
+            )
         self.cast = cast
         self._engine = engine(cast.world, 1)
         self._lanes = self._engine.one
