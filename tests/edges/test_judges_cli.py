@@ -69,6 +69,13 @@ def test_minds_without_manners_are_refused(cli):
     assert "--manners" in ended.err
 
 
+def test_an_unknown_issue_is_refused_before_anything_is_served(cli, tmp_path):
+    ended = cli("demos", "--manners", "--minds", "closeness", "--out", "crowd")
+    assert ended.code == 2
+    assert "'closeness'" in ended.err
+    assert not (tmp_path / "crowd").exists()
+
+
 def test_from_python_a_detector_that_steers_nothing_is_refused():
     with pytest.raises(InputError) as refused:
         ev.train("even", "levelup", epochs=1, detector=SHIPPED)

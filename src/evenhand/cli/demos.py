@@ -118,6 +118,7 @@ class Demos:
         from evenhand.report import table
 
         minds = tastes.MINDED if self.minds is None else self.minds
+        tastes.check(minds)
         out = files.make_folder(self.out)
         fixed = {
             "windows": self.windows, "seed": self.seed, "population": self.population,

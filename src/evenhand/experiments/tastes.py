@@ -92,6 +92,19 @@ def _some(groups: int, rng: np.random.Generator) -> np.ndarray:
     return chosen
 
 
+def check(minds: Sequence[str]) -> None:
+    """Whether somebody can mind these issues.
+
+    Raises:
+        InputError: for a name that is none of the five, or stands twice.
+    """
+    for name in minds:
+        if name not in MINDED:
+            raise unknown("issue to mind", name, MINDED, "minds")
+    if len(set(minds)) < len(minds):
+        raise InputError("duplicate minds", f"an issue is minded twice: {', '.join(minds)}")
+
+
 def judge(seen: Windows, minds: Sequence[str], seed: int) -> np.ndarray:
     """What a crowd says that minds some issues and no others: biased or not, bool [W].
 
@@ -101,13 +114,9 @@ def judge(seen: Windows, minds: Sequence[str], seed: int) -> np.ndarray:
         seed: of the answers.
 
     Raises:
-        InputError: for a name that is none of the five.
+        InputError: as `check`.
     """
-    for name in minds:
-        if name not in MINDED:
-            raise unknown("issue to mind", name, MINDED, "minds")
-    if len(set(minds)) < len(minds):
-        raise InputError("duplicate minds", f"an issue is minded twice: {', '.join(minds)}")
+    check(minds)
     rng = np.random.default_rng([seed, _SEED, 1])
     columns = [MINDED.index(name) for name in minds]
     evidence = np.nan_to_num(seen.scores[:, columns]).sum(axis=1)
