@@ -63,13 +63,17 @@ class TestLearning:
         assert "within ±0.02" in one["evidence"]
 
     def test_how_many_seeds_would_decide(self):
-        # 1.96 and 1.645 standard errors to either side: (3.605 · 0.05 / 0.02)²
+        # with 83 degrees of freedom t is 1.98896 and 1.66342: 3.65238 · 0.05 / √84 = 0.019925, and
+        # with one pair less 3.65279 · 0.05 / √83 = 0.020047
         each = np.array([-0.05, 0.0, 0.05])
-        assert claims.pairs_needed(each, 0.02) == 82
-        assert claims.pairs_needed(np.zeros(3), 0.02) == 2
+        assert claims.pairs_needed(each, 0.02) == 84
+        # at least one more than there are, and not without end
+        assert claims.pairs_needed(np.zeros(3), 0.02) == 4
+        assert claims.pairs_needed(1000.0 * each, 0.02) == claims.MOST_PAIRS
         one = judged(learned=learned("paper", total=0.78))["total_score_reduction_ppo"]
-        # differences 0.22, 0.242, 0.264: (3.6048 · 0.022 / 0.02)²
-        assert "About 16 seeds would show no effect with power 0.9" in one["evidence"]
+        # differences 0.22, 0.242, 0.264 with a spread of 0.022: with 17 degrees of freedom 2.10982
+        # and 1.73961, 3.84943 · 0.022 / √18 = 0.01996; with 16 3.86577 · 0.022 / √17 = 0.02063
+        assert "About 18 seeds would show no effect with power 0.9" in one["evidence"]
 
     def test_that_many_seeds_do_show_it(self):
         """Simulated: with the pairs needed, no effect is shown in 90 % of cases."""

@@ -91,15 +91,19 @@ def lowered_by(low: float, high: float, goal: float, alike: float) -> str:
 def pairs_needed(each: np.ndarray, alike: float) -> int:
     """Pairs of seeds by which no effect would be shown with power 0.9, if there is none.
 
-    (z₀.₉₇₅ + z₀.₉₅)² s² / δ²: both ends of a 95 % interval have to lie within ±δ (two one-sided
-    tests, Schuirmann 1987; Chow, Shao and Wang 2008, section 3.2).
+    The least n with (t₀.₉₇₅ + t₀.₉₅) s / √n <= δ, t of n - 1 degrees of freedom: both ends of a
+    95 % interval have to lie within ±δ (two one-sided tests, Schuirmann 1987; Chow, Shao and Wang
+    2008, section 3.2). At least one more than there are, for these did not show it.
 
     Args:
         each: differences of the pairs there are, [S], at least two.
         alike: δ.
     """
-    quantiles = stats.norm.ppf(0.975) + stats.norm.ppf(0.95)
-    return max(2, int(np.ceil((quantiles * float(each.std(ddof=1)) / alike) ** 2)))
+    spread = float(each.std(ddof=1))
+    n = np.arange(len(each) + 1, MOST_PAIRS + 1)
+    half = (stats.t.ppf(0.975, n - 1) + stats.t.ppf(0.95, n - 1)) * spread / np.sqrt(n)
+    enough = np.flatnonzero(half <= alike)
+    return int(n[enough[0]]) if len(enough) else MOST_PAIRS
 
 
 def contains(low: float, high: float, number: float) -> str:
@@ -151,6 +155,8 @@ ALIKE = 0.02
 0.22 that separates the paper's arms."""
 EPOCHS_ALIKE = 5 / 300
 """Shares of biased epochs within this are alike: a third of the paper's 15 of 300."""
+MOST_PAIRS = 100_000
+"""More are not looked for."""
 SPREAD_ALIKE = 0.01
 """Standard deviations of the total within this are alike: a tenth of what chance alone makes of
 windows of 30."""
